@@ -1,0 +1,47 @@
+// What the daemon does around the measuring: when, for whom, how it publishes.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace granary {
+
+/// When a bin is measured: every so often, or at times of the day.
+struct ScheduleOptions {
+  std::chrono::milliseconds every{std::chrono::minutes{30}};  ///< used when `at` is empty; at least 100 ms
+  std::vector<std::chrono::minutes> at;                       ///< minutes since local midnight, ascending
+  std::string timezone = "UTC";                               ///< IANA name, for `at`
+};
+
+/// Gates and repeats of one cycle.
+struct CycleOptions {
+  int attempts = 3;                                ///< captures tried before the last good value is held
+  std::chrono::milliseconds retry_delay{2000};
+  std::optional<double> max_rate_m3_h;             ///< a faster change of volume is implausible; empty: no gate
+  std::chrono::milliseconds stale_after{0};        ///< age at which a figure is stale; 0: three times the schedule
+};
+
+struct ModbusTcpOptions {
+  std::string host = "127.0.0.1";
+  std::uint16_t port = 1502;
+  std::vector<std::string> allow{"127.0.0.0/8", "::1/128"};  ///< CIDR; who may connect
+  std::vector<std::string> write_allow;                      ///< CIDR; who may write registers
+  int max_clients = 32;
+};
+
+struct ModbusRtuOptions {
+  std::string device;
+  int baud = 19200;
+  std::string parity = "even";  ///< none | even | odd
+};
+
+struct ModbusPlcOptions {
+  std::string address;          ///< host:port
+  int unit = 1;
+  int base = 0;                 ///< holding register of the PLC where the summary block is written
+};
+
+}  // namespace granary

@@ -1,0 +1,30 @@
+// A camera that takes one triggered frame at a time.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <string>
+
+#include "pipeline/types/frame.h"
+
+namespace granary {
+
+/// Every method but Interrupt is called from one thread, the rig's worker.
+class Camera {
+ public:
+  virtual ~Camera() = default;
+  /// The id the configuration names; never blocks, never throws.
+  [[nodiscard]] virtual std::string Id() const = 0;
+  /// Makes the camera wait for the next trigger; frames from before are dropped. May block for a control round trip.
+  /// @throws DeviceError
+  virtual void Arm() = 0;
+  /// The frame of the first trigger after Arm, with pixels of its own. Blocks up to `timeout`.
+  /// @throws DeviceError (kFrameMissing when none came in time)
+  [[nodiscard]] virtual Frame Grab(std::chrono::milliseconds timeout) = 0;
+  /// Ends waiting for triggers. Never throws; allowed at any time, also when not armed.
+  virtual void Disarm() noexcept = 0;
+  /// Makes a Grab that blocks in another thread end with DeviceError. Any thread; never blocks.
+  virtual void Interrupt() noexcept = 0;
+};
+
+}  // namespace granary

@@ -1,0 +1,71 @@
+// The measuring pipeline: frames in, one measurement and every intermediate out.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "pipeline/options.h"
+#include "pipeline/reference.h"
+#include "pipeline/surface.h"
+#include "pipeline/types/bin.h"
+#include "pipeline/types/calibration.h"
+#include "pipeline/types/frame.h"
+#include "pipeline/types/measurement.h"
+#include "pipeline/types/transform.h"
+
+namespace granary {
+
+/// One rig as the pipeline needs it.
+struct RigSetup {
+  std::string name;
+  StereoCalibration calibration;
+  RigidTransform world_from_left = RigidTransform::Identity();
+  std::optional<Reference> reference;  ///< the empty bin, seen by this rig
+};
+
+/// What one rig contributed to a run. Mats are in the rectified left frame, H×W; empty when the run ended before.
+struct RigView {
+  cv::Mat left, right;        ///< rectified grey, CV_32FC1
+  cv::Mat disparity_px;       ///< CV_32FC1, +inf invalid
+  cv::Mat deviation_px;       ///< CV_32FC1, standard deviation of the disparity, NaN invalid
+  cv::Mat points_in_world;    ///< CV_32FC3, metres, NaN invalid
+  cv::Mat grain_mask;         ///< CV_8UC1, 255 where the point is grain
+};
+
+struct PipelineRun {
+  Measurement measurement;    ///< valid, or with the reason why not
+  std::vector<RigView> rigs;
+  Surface surface;            ///< empty when the run ended before
+};
+
+/// Immutable after construction; Run may be called from several threads at once.
+class Pipeline {
+ public:
+  /// @throws std::invalid_argument when a calibration, pose or reference cannot be used, naming the rig and why.
+  Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options);
+  ~Pipeline();
+  Pipeline(Pipeline&&) noexcept;
+
+  /// Measures once. A poor picture is a verdict (`measurement.reason`), not an exception.
+  /// @param pairs one for each rig, in the order of the rigs
+  [[nodiscard]] PipelineRun Run(const std::vector<FramePair>& pairs, const Inventory& inventory) const;
+
+  /// The cloud of the empty bin as rig `rig` sees it. A verdict other than kOk means that `reference` is not set.
+  struct ReferenceRun {
+    Reason reason = Reason::kOk;
+    std::string detail;
+    std::optional<Reference> reference;
+    RigView view;
+    double coverage_percent = 0;  ///< of the floor
+  };
+  [[nodiscard]] ReferenceRun TakeReference(std::size_t rig, const FramePair& pair) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<const Impl> impl_;
+};
+
+}  // namespace granary

@@ -1,0 +1,42 @@
+// The bin as the configuration describes it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace granary {
+
+/// Corners in order (either winding), world xy, metres; the last joins the first.
+using Polygon = std::vector<Eigen::Vector2d>;
+
+/// Geometry of one bin in the world frame.
+struct Bin {
+  int id = 1;                     ///< also the Modbus unit id, 1…247
+  std::string name;
+  Polygon footprint_m;
+  double height_m = 0;            ///< top of the bin above z = 0
+  std::vector<Polygon> exclude_m; ///< floor that holds no grain (pillars, ducts)
+};
+
+/// Book data of one bin (METHOD §7). An absent value is unknown, never 0.
+struct Inventory {
+  std::optional<double> book_mass_kg;
+  std::optional<double> density_kg_m3;
+  double correction = 1.0;        ///< factor on the density: packing, moisture
+  double loss_kg = 0.0;           ///< storage loss, added back to the quantity
+  double alarm_percent = 3.0;     ///< |error rate| beyond this is abnormal
+};
+
+/// Area of a polygon, m² (shoelace; positive whatever the winding).
+[[nodiscard]] double Area_m2(const Polygon& polygon);
+/// Area of the footprint less the excluded polygons inside it, m².
+[[nodiscard]] double GrainFloor_m2(const Bin& bin);
+/// Volume of the bin up to its height, m³.
+[[nodiscard]] double Capacity_m3(const Bin& bin);
+/// True when `point` lies inside or on the polygon.
+[[nodiscard]] bool Contains(const Polygon& polygon, const Eigen::Vector2d& point);
+
+}  // namespace granary
