@@ -28,6 +28,8 @@ expect caught pipeline/types/a.h '#include "a.h"'
 
 expect passes pipeline/a.cpp '#include <pcl/point_types.h>'
 expect passes pipeline/stereo/a.cpp '#include <hwy/highway.h>'
+expect passes pipeline/file_bytes.cpp '#include <unistd.h>'
+expect caught pipeline/volume.cpp '#include <unistd.h>'
 expect caught pipeline/a.h '#include <pcl/point_types.h>'
 expect caught pipeline/a.cpp '#include "drivers/rig.h"'
 expect caught pipeline/a.cpp '#  include "daemon/options.h"'

@@ -39,6 +39,7 @@ function check_types() {
 function check_pipeline() {
   if (quoted) { if (!begins("pipeline/")) fault("pipeline/ includes only itself: no drivers, daemon, config") }
   else if (begins("pcl/ nlohmann/ hwy/")) { if (!cpp() && FILENAME !~ /-inl\.h$/) fault("in pipeline/ only .cpp files include it") }
+  else if (begins("fcntl.h sys/stat.h unistd.h")) { if (FILENAME !~ /^pipeline\/[a-z_]*file[a-z_]*\.cpp$/) fault("in pipeline/ only *file*.cpp touches files") }
   else if (!standard() && !begins("Eigen/ opencv2/ tbb/ oneapi/tbb sys/mman.h sys/resource.h"))
     fault("pipeline/ knows std, Eigen, OpenCV, PCL, Highway, TBB and JSON")
 }
@@ -53,8 +54,8 @@ function check_config() {
   if (quoted) {
     if (!begins("config/ pipeline/types/") && target !~ /^(pipeline|drivers|daemon)\/([a-z0-9_]+\/)?options\.h$/)
       fault("config/ includes itself, pipeline/types/ and the options.h of the others")
-  } else if (!standard() && !begins("toml++/ date/ arpa/inet.h netinet/in.h"))
-    fault("config/ knows std, toml++ and date")
+  } else if (!standard() && !begins("toml++/ date/ Eigen/ arpa/inet.h netinet/in.h"))
+    fault("config/ knows std, Eigen, toml++ and date")
 }
 function check_daemon() {
   if (quoted) {
