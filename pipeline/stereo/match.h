@@ -1,0 +1,26 @@
+// Dense stereo on a rectified pair: census, semi-global matching, checks, refinement (METHOD §3).
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+
+#include "pipeline/options.h"
+#include "pipeline/stereo/aggregate.h"
+
+namespace granary {
+
+struct StereoResult {
+  cv::Mat disparity_px;  ///< H×W, CV_32FC1, +inf invalid
+  cv::Mat deviation_px;  ///< H×W, CV_32FC1, standard deviation, NaN invalid
+};
+
+/// Disparity of every left pixel, `x_right = x_left − disparity`.
+///
+/// @param left, right rectified grey, one size, 8- or 16-bit or CV_32FC1
+/// @param range disparities searched
+/// @param valid CV_8UC1 or empty; a pixel of the left picture with 0 there is invalid in the result
+/// @throws std::invalid_argument for pictures of different size, type or more than one channel, an empty range, or a
+///   range that leaves no overlap
+[[nodiscard]] StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range,
+                                       const StereoOptions& options, const cv::Mat& valid = {});
+
+}  // namespace granary
