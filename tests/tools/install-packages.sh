@@ -4,14 +4,14 @@
 set -euo pipefail
 
 # The one list; the names are the same on both releases. OpenCV and PCL have no smaller package that carries their
-# headers together with what CMake or pkg-config ask for; the built programs link only eleven of their libraries.
+# headers together with what CMake or pkg-config ask for; the built programs link only ten of their libraries.
 packages=(
   build-essential cmake ninja-build pkg-config
   libopencv-dev libpcl-dev libeigen3-dev libtbb-dev libhwy-dev             # pipeline
   libspdlog-dev libfmt-dev nlohmann-json3-dev                             # drivers and daemon
   libmodbus-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
   libhowardhinnant-date-dev tzdata
-  libtomlplusplus-dev libcli11-dev libzstd-dev                            # config and granaryctl
+  libtomlplusplus-dev libcli11-dev                                        # config and granaryctl
   libgtest-dev libgmock-dev binutils mbpoll                               # tests; mbpoll also reads the demo
 )
 
