@@ -21,6 +21,7 @@ struct BinSnapshot {
   bool maintenance = false;
   bool abnormal_latched = false;
   std::optional<double> rate_m3_h;   ///< change of volume between the last two valid measurements
+  std::optional<double> change_m3;   ///< the same change as a volume; tells filling and emptying from noise
   Reason last_failure = Reason::kOk; ///< of the newest failed cycle
   std::uint64_t cycles = 0, failures = 0, projector_pulses = 0;
   std::uint16_t heartbeat = 0;       ///< +1 each second while the worker makes progress
