@@ -37,7 +37,7 @@ as_root=()
 if [[ $(id -u) -ne 0 ]]; then
   if ! command -v sudo >/dev/null; then
     echo "install-packages: missing: ${missing[*]}" >&2
-    echo "install-packages: run this as root, or install sudo, or type as root: apt-get install ${missing[*]}" >&2
+    echo "install-packages: run this as root, or install sudo, or type as root: apt-get update && apt-get install ${missing[*]}" >&2
     exit 1
   fi
   as_root=(sudo)
