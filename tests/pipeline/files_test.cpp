@@ -1,0 +1,601 @@
+// Every file format: what was written is read back, and every fault is one FileError that names file and fault.
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "pipeline/calibration_file.h"
+#include "pipeline/cloud_files.h"
+#include "pipeline/file_bytes.h"
+#include "pipeline/file_error.h"
+#include "pipeline/frame_file.h"
+#include "tests/pipeline/temporary_folder.h"
+
+namespace granary {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// The text of the FileError that `action` throws; empty (and a failure) when it throws none.
+std::string FaultOf(const std::function<void()>& action) {
+  try {
+    action();
+  } catch (const FileError& error) {
+    return error.what();
+  }
+  ADD_FAILURE() << "no FileError";
+  return {};
+}
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+// ---------------------------------------------------------------- stereo.yml, world.yml
+
+constexpr const char* kStereo = R"(%YAML:1.0
+---
+image_width: 1280
+image_height: 1024
+K1: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1500., 0., 634., 0., 1501., 518., 0., 0., 1. ]
+D1: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ -0.1, 0.09, 0.0004, -0.0003, 0. ]
+K2: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1502., 0., 647., 0., 1503., 507., 0., 0., 1. ]
+D2: !!opencv-matrix
+   rows: 5
+   cols: 1
+   dt: d
+   data: [ -0.11, 0.08, 0., 0., 0. ]
+R: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]
+T: !!opencv-matrix
+   rows: 3
+   cols: 1
+   dt: d
+   data: [ -0.11, 0., 0.003 ]
+)";
+
+constexpr const char* kWorld = R"(%YAML:1.0
+---
+T_world_left: !!opencv-matrix
+   rows: 4
+   cols: 4
+   dt: d
+   data: [ 1., 0., 0., 0.2, 0., -1., 0., 0.1, 0., 0., -1., 1.1, 0., 0., 0., 1. ]
+)";
+
+/// The fault of kStereo with one thing replaced.
+std::string StereoFault(const std::string& from, const std::string& to) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.Write("stereo.yml", Replaced(kStereo, from, to));
+  const std::string fault = FaultOf([&] { static_cast<void>(LoadStereoCalibration(file)); });
+  EXPECT_THAT(fault, HasSubstr("stereo.yml: "));
+  EXPECT_THAT(fault, testing::Not(HasSubstr("\n")));
+  return fault;
+}
+
+std::string WorldFault(const std::string& from, const std::string& to) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.Write("world.yml", Replaced(kWorld, from, to));
+  return FaultOf([&] { static_cast<void>(LoadWorldFromLeft(file)); });
+}
+
+TEST(LoadStereoCalibration, ReadsEveryKey) {
+  const TemporaryFolder folder;
+  const StereoCalibration c = LoadStereoCalibration(folder.Write("stereo.yml", kStereo));
+  EXPECT_EQ(c.image_size, cv::Size(1280, 1024));
+  EXPECT_EQ(c.K1(0, 0), 1500);
+  EXPECT_EQ(c.K2(1, 2), 507);
+  EXPECT_EQ(c.D1, (std::vector<double>{-0.1, 0.09, 0.0004, -0.0003, 0}));
+  EXPECT_EQ(c.D2.size(), 5U);
+  EXPECT_EQ(c.R, cv::Matx33d::eye());
+  EXPECT_EQ(c.T_m, cv::Vec3d(-0.11, 0, 0.003));
+}
+
+TEST(SaveStereoCalibration, ReadsBackBitForBit) {
+  const TemporaryFolder folder;
+  StereoCalibration c;
+  c.image_size = {640, 480};
+  c.K1 = {1000.0 / 3, 0, 320.1, 0, 1000.0 / 7, 239.9, 0, 0, 1};
+  c.K2 = c.K1;
+  c.D1 = std::vector<double>(14, 1.0 / 3);
+  c.D2 = {0.1, 0.2, 0.3, 0.4};
+  const double angle = 0.123456789;
+  c.R = {std::cos(angle), -std::sin(angle), 0, std::sin(angle), std::cos(angle), 0, 0, 0, 1};
+  c.T_m = {-1.0 / 9, 1e-17, 3e-3};
+  SaveStereoCalibration(folder / "stereo.yml", c);
+  const StereoCalibration back = LoadStereoCalibration(folder / "stereo.yml");
+  EXPECT_EQ(back.image_size, c.image_size);
+  EXPECT_EQ(back.K1, c.K1);
+  EXPECT_EQ(back.K2, c.K2);
+  EXPECT_EQ(back.D1, c.D1);
+  EXPECT_EQ(back.D2, c.D2);
+  EXPECT_EQ(back.R, c.R);
+  EXPECT_EQ(back.T_m, c.T_m);
+}
+
+TEST(LoadStereoCalibration, MissingFileIsNamed) {
+  EXPECT_THAT(FaultOf([] { static_cast<void>(LoadStereoCalibration("/nowhere/stereo.yml")); }),
+              AllOf(HasSubstr("/nowhere/stereo.yml: "), HasSubstr("No such file")));
+}
+TEST(LoadStereoCalibration, AFolderIsNoFile) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadStereoCalibration(folder.path())); }), HasSubstr("plain file"));
+}
+TEST(LoadStereoCalibration, EmptyFileIsNamed) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadStereoCalibration(folder.Write("e.yml", ""))); }),
+              HasSubstr("is empty"));
+}
+TEST(LoadStereoCalibration, TextThatIsNoYamlIsRefusedInSilence) {
+  const TemporaryFolder folder;
+  for (const char* text : {"hello", "\x89PNG\r\n", "%YAML:1.0\n---\nK1: [ 1, 2\n", "%YAML:1.0\n---\n",
+                           "%YAML:1.0\n---\n- 1\n", "%YAML:1.0\n---\nK1: !!opencv-matrix\n   rows: 3\n"}) {
+    testing::internal::CaptureStderr();
+    EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadStereoCalibration(folder.Write("bad.yml", text))); }),
+                HasSubstr("bad.yml: "))
+        << text;
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << text;
+  }
+}
+TEST(LoadStereoCalibration, EveryMissingKeyIsNamed) {
+  for (const std::string& key :
+       std::vector<std::string>{"image_width", "image_height", "K1", "D1", "K2", "D2", "R", "T"}) {
+    EXPECT_THAT(StereoFault("\n" + key + ":", "\nX" + key + ":"), HasSubstr(": " + key + ": is missing"));
+  }
+}
+TEST(LoadStereoCalibration, ImageSizeMustBePositiveAndWhole) {
+  EXPECT_THAT(StereoFault("1280", "0"), HasSubstr("image_width: is 0"));
+  EXPECT_THAT(StereoFault("1024", "-5"), HasSubstr("image_height: is -5"));
+  EXPECT_THAT(StereoFault("1280", "12.5"), HasSubstr("image_width: is 12.5"));
+  EXPECT_THAT(StereoFault("1280", "wide"), HasSubstr("image_width: is no number"));
+}
+TEST(LoadStereoCalibration, WrongShapeIsNamed) {
+  EXPECT_THAT(StereoFault("rows: 3\n   cols: 3\n   dt: d\n   data: [ 1500., 0., 634.,",
+                          "rows: 2\n   cols: 3\n   dt: d\n   data: [ "),
+              AllOf(HasSubstr("K1: is 2x3"), HasSubstr("3x3 is wanted")));
+}
+TEST(LoadStereoCalibration, ElementCountUnlikeTheShapeIsNamed) {
+  EXPECT_THAT(StereoFault("1500., 0., 634.,", "1500., 0.,"), HasSubstr("K1: "));
+}
+TEST(LoadStereoCalibration, ScalarInPlaceOfAMatrixIsNamed) {
+  EXPECT_THAT(
+      StereoFault("T: !!opencv-matrix\n   rows: 3\n   cols: 1\n   dt: d\n   data: [ -0.11, 0., 0.003 ]", "T: 5"),
+      HasSubstr("T: is no !!opencv-matrix"));
+}
+TEST(LoadStereoCalibration, NotANumberIsNamedWithItsPlace) {
+  EXPECT_THAT(StereoFault("634.", ".Nan"), AllOf(HasSubstr("K1: element [0][2]"), HasSubstr("nan")));
+  EXPECT_THAT(StereoFault("[ -0.1,", "[ .Inf,"), HasSubstr("D1: element [0][0]"));
+  EXPECT_THAT(StereoFault("0.003 ]", "-.Inf ]"), HasSubstr("T: element [2][0]"));
+}
+TEST(LoadStereoCalibration, NanAsOtherProgramsWriteItIsRefused) {
+  for (const char* nan : {"nan", "NaN", ".nan", ".NaN", "inf", ".inf", "null"}) {
+    EXPECT_THAT(StereoFault("634.", nan), HasSubstr("stereo.yml: ")) << nan;
+  }
+}
+TEST(LoadStereoCalibration, SixDistortionCoefficientsAreRefused) {
+  EXPECT_THAT(StereoFault("cols: 5\n   dt: d\n   data: [ -0.1,", "cols: 6\n   dt: d\n   data: [ 0., -0.1,"),
+              AllOf(HasSubstr("D1: is 1x6"), HasSubstr("4, 5, 8, 12 or 14")));
+}
+TEST(LoadStereoCalibration, FocalLengthMustBePositive) {
+  EXPECT_THAT(StereoFault("1500.", "0."), HasSubstr("K1: fx = 0"));
+  EXPECT_THAT(StereoFault("1503.", "-1503."), HasSubstr("K2: fx = 1502, fy = -1503"));
+}
+TEST(LoadStereoCalibration, CameraMatrixMustBeOne) {
+  EXPECT_THAT(StereoFault("518., 0., 0., 1.", "518., 0., 0., 2."), HasSubstr("K1: is no camera matrix"));
+}
+TEST(LoadStereoCalibration, RotationMustBeOrthonormal) {
+  EXPECT_THAT(StereoFault("[ 1., 0., 0., 0., 1.,", "[ 1., 0.001, 0., 0., 1.,"), HasSubstr("R: is no rotation"));
+}
+TEST(LoadStereoCalibration, RotationRoundedToFiveDigitsPasses) {
+  const TemporaryFolder folder;
+  // cos and sin of 0.1 rad rounded: off orthonormal by about 1e-5, inside the 1e-4 allowed.
+  const std::string text = Replaced(kStereo, "[ 1., 0., 0., 0., 1., 0., 0., 0., 1. ]",
+                                    "[ 0.99500, -0.09983, 0., 0.09983, 0.99500, 0., 0., 0., 1. ]");
+  EXPECT_NO_THROW(static_cast<void>(LoadStereoCalibration(folder.Write("s.yml", text))));
+}
+TEST(LoadStereoCalibration, MirroringIsRefused) {
+  EXPECT_THAT(StereoFault("[ 1., 0., 0., 0., 1.,", "[ -1., 0., 0., 0., 1.,"), HasSubstr("R: is a mirroring"));
+}
+TEST(LoadStereoCalibration, ZeroBaselineIsRefused) {
+  EXPECT_THAT(StereoFault("[ -0.11, 0., 0.003 ]", "[ 0., 0., 0. ]"), HasSubstr("T: is zero"));
+}
+TEST(LoadStereoCalibration, MillimetresAreSuspected) {
+  EXPECT_THAT(StereoFault("[ -0.11, 0., 0.003 ]", "[ -110., 0., 3. ]"), HasSubstr("millimetres"));
+}
+
+TEST(SaveWorldFromLeft, ReadsBackBitForBit) {
+  const TemporaryFolder folder;
+  RigidTransform pose = RigidTransform::Identity();
+  pose.rotate(Eigen::AngleAxisd(2.9, Eigen::Vector3d(1, 0.1, 0.2).normalized()));
+  pose.pretranslate(Eigen::Vector3d(1.0 / 3, 0.2, 1.1));
+  SaveWorldFromLeft(folder / "world.yml", pose);
+  EXPECT_EQ(LoadWorldFromLeft(folder / "world.yml").matrix(), pose.matrix());
+}
+TEST(LoadWorldFromLeft, FaultsNameTheKey) {
+  EXPECT_THAT(WorldFault("T_world_left", "T_left_world"), HasSubstr("T_world_left: is missing"));
+  EXPECT_THAT(WorldFault("rows: 4", "rows: 3"), HasSubstr("T_world_left: "));
+  EXPECT_THAT(WorldFault("0.2", ".Nan"), HasSubstr("T_world_left: element [0][3] is nan"));
+  EXPECT_THAT(WorldFault("[ 1.,", "[ 2.,"), HasSubstr("is no rotation"));
+  EXPECT_THAT(WorldFault("[ 1.,", "[ -1.,"), HasSubstr("is a mirroring"));
+  EXPECT_THAT(WorldFault("1.1, 0.,", "1.1, 0.5,"), HasSubstr("last row"));
+}
+
+// ---------------------------------------------------------------- frames
+
+cv::Mat Grey8(int width = 40, int height = 30) {
+  cv::Mat image(height, width, CV_8UC1);
+  cv::setRNGSeed(7);
+  cv::randu(image, 0, 256);
+  return image;
+}
+cv::Mat Grey16(int below, int width = 40, int height = 30) {
+  cv::Mat image(height, width, CV_16UC1);
+  cv::setRNGSeed(7);
+  cv::randu(image, 0, below);
+  image.at<std::uint16_t>(0, 0) = static_cast<std::uint16_t>(below - 1);
+  return image;
+}
+bool Same(const cv::Mat& a, const cv::Mat& b) {
+  return a.type() == b.type() && a.size() == b.size() && cv::norm(a, b, cv::NORM_INF) == 0;
+}
+std::string FrameFault(const fs::path& file) {
+  return FaultOf([&] { static_cast<void>(LoadFrame(file)); });
+}
+
+class EveryPictureFormat : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Formats, EveryPictureFormat, testing::Values("a.png", "a.tif", "a.TIFF", "a.pgm"));
+
+TEST_P(EveryPictureFormat, ReadsBackEightBits) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / GetParam(), Grey8());
+  const Frame frame = LoadFrame(folder / GetParam());
+  EXPECT_TRUE(Same(frame.image, Grey8()));
+  EXPECT_EQ(frame.bit_depth, 8);
+  EXPECT_EQ(frame.source, (folder / GetParam()).string());
+}
+TEST_P(EveryPictureFormat, ReadsBackSixteenBits) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / GetParam(), Grey16(4096));
+  EXPECT_TRUE(Same(LoadFrame(folder / GetParam()).image, Grey16(4096)));
+}
+TEST_P(EveryPictureFormat, TruncatedAnywhereIsAnErrorAndSaysNothingOnStderr) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / GetParam(), Grey16(65536));
+  const std::string whole = TemporaryFolder::Read(folder / GetParam());
+  testing::internal::CaptureStderr();
+  // 4 bytes are the least that can be told from "no picture at all"; after that any cut, whole - 1 included.
+  for (std::size_t size = 4; size < whole.size(); size += size < 64 ? 1 : 97) {
+    EXPECT_THAT(FrameFault(folder.Write(GetParam(), whole.substr(0, size))), HasSubstr("a.")) << size;
+  }
+  EXPECT_NE(FrameFault(folder.Write(GetParam(), whole.substr(0, whole.size() - 1))), "");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(LoadFrame, InfersTheBitDepthFromTheBrightestPixel) {
+  const TemporaryFolder folder;
+  for (const int bits : {10, 12, 14, 16}) {
+    SaveFrame(folder / "f.png", Grey16(1 << bits));
+    EXPECT_EQ(LoadFrame(folder / "f.png").bit_depth, bits);
+  }
+}
+TEST(LoadFrame, ADarkSixteenBitFileStillHasTenBits) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "f.png", Grey16(100));
+  EXPECT_EQ(LoadFrame(folder / "f.png").bit_depth, 10);
+}
+TEST(LoadFrame, MissingFileIsNamed) {
+  EXPECT_THAT(FrameFault("/nowhere/left.png"), AllOf(HasSubstr("/nowhere/left.png: "), HasSubstr("No such file")));
+}
+TEST(LoadFrame, EmptyFileIsNamed) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FrameFault(folder.Write("left.png", "")), HasSubstr("left.png: is empty"));
+}
+TEST(LoadFrame, OtherFormatsAreNamed) {
+  const TemporaryFolder folder;
+  cv::imwrite((folder / "f.jpg").string(), Grey8());
+  EXPECT_THAT(FrameFault(folder / "f.jpg"), HasSubstr("is no PNG, TIFF or binary PGM"));
+  EXPECT_THAT(FrameFault(folder.Write("f.png", "P2\n2 2\n255\n1 2 3 4\n")), HasSubstr("is no PNG, TIFF or binary PGM"));
+  EXPECT_THAT(FrameFault(folder.Write("f.png", "x")), HasSubstr("is no PNG"));
+}
+TEST(LoadFrame, ColourIsRefused) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "c.png", cv::Mat(8, 8, CV_8UC3, cv::Scalar(1, 2, 3)));
+  SaveFrame(folder / "c.tif", cv::Mat(8, 8, CV_16UC3, cv::Scalar(1, 2, 3)));
+  EXPECT_THAT(FrameFault(folder / "c.png"), HasSubstr("colour picture (3 channels)"));
+  EXPECT_THAT(FrameFault(folder / "c.tif"), HasSubstr("colour picture (3 channels)"));
+  EXPECT_THAT(FrameFault(folder.Write("c.ppm", "P6\n1 1\n255\nabc")), HasSubstr("colour picture"));
+}
+TEST(LoadFrame, FloatPixelsAreRefused) {
+  const TemporaryFolder folder;
+  cv::imwrite((folder / "f.tif").string(), cv::Mat(8, 8, CV_32FC1, cv::Scalar(0.5)));
+  EXPECT_THAT(FrameFault(folder / "f.tif"), HasSubstr("8- or 16-bit"));
+}
+TEST(LoadFrame, FlippedByteInAPngIsFoundByItsChecksum) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "f.png", Grey8());
+  std::string bytes = TemporaryFolder::Read(folder / "f.png");
+  bytes[bytes.size() / 2] ^= 0x10;
+  EXPECT_THAT(FrameFault(folder.Write("f.png", bytes)), HasSubstr("wrong checksum"));
+}
+TEST(LoadFrame, CodesThatNoCompressedTiffHasAreAnError) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "f.tif", Grey16(4096, 120, 100));
+  std::string bytes = TemporaryFolder::Read(folder / "f.tif");
+  // LZW codes no table holds yet; a single bit may still decode, as TIFF has no checksum.
+  bytes.replace(bytes.size() / 2, 64, std::string(64, '\xfe'));
+  const fs::path file = folder.Write("f.tif", bytes);
+  testing::internal::CaptureStderr();  // libtiff has its own words on it
+  EXPECT_THAT(FrameFault(file), HasSubstr("f.tif: is damaged"));
+  static_cast<void>(testing::internal::GetCapturedStderr());
+}
+TEST(LoadFrame, PgmHeadersWithCommentsAndOddMaximaAreRead) {
+  const TemporaryFolder folder;
+  const Frame frame =
+      LoadFrame(folder.Write("f.pgm", std::string("P5 # made by hand\n2\n1 4095\n\x0f\xff\x00\x01", 31)));
+  EXPECT_EQ(frame.image.at<std::uint16_t>(0, 0), 4095);
+  EXPECT_EQ(frame.image.at<std::uint16_t>(0, 1), 1);
+  EXPECT_EQ(frame.bit_depth, 12);
+}
+TEST(LoadFrame, PgmWithADamagedHeaderOrTooMuchBehindIsRefused) {
+  const TemporaryFolder folder;
+  for (const char* text :
+       {"P5\n0 4\n255\n", "P5\n2 x\n255\nab", "P5\n2 2\n70000\nabcd", "P5\n99999999999 2\n255\nabcd"}) {
+    EXPECT_THAT(FrameFault(folder.Write("f.pgm", text)), HasSubstr("damaged header")) << text;
+  }
+  EXPECT_THAT(FrameFault(folder.Write("f.pgm", "P5\n2 2\n255\nabcde")), HasSubstr("damaged PGM"));
+}
+TEST(LoadFrame, TiffThatPointsNowhereIsRefused) {
+  const TemporaryFolder folder;
+  for (const std::string& text :
+       {std::string("II*\0\xff\xff\xff\x7f________", 16), std::string("MM\0*\0\0\0\x08\xff\xff______", 16),
+        std::string("II+\0\x08\0\0\0\xff\xff\xff\xff\xff\xff\xff\xff", 16)}) {
+    EXPECT_THAT(FrameFault(folder.Write("f.tif", text)), HasSubstr("truncated or damaged TIFF"));
+  }
+}
+
+TEST(LoadFramePair, SizesMustAgree) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "l.png", Grey8(40, 30));
+  SaveFrame(folder / "r.png", Grey8(40, 31));
+  EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadFramePair(folder / "l.png", folder / "r.png")); }),
+              AllOf(HasSubstr("right is 40x31"), HasSubstr("l.png) is 40x30")));
+}
+TEST(LoadFramePair, DepthsMustAgree) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "l.png", Grey8());
+  SaveFrame(folder / "r.png", Grey16(4096));
+  EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadFramePair(folder / "l.png", folder / "r.png")); }),
+              AllOf(HasSubstr("right is 16-bit"), HasSubstr("is 8-bit")));
+}
+TEST(LoadFramePair, TheBrighterFrameSaysTheBitDepthOfBoth) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "l.png", Grey16(900));
+  SaveFrame(folder / "r.png", Grey16(4000));
+  const FramePair pair = LoadFramePair(folder / "l.png", folder / "r.png");
+  EXPECT_EQ(pair.left.bit_depth, 12);
+  EXPECT_EQ(pair.right.bit_depth, 12);
+}
+TEST(LoadFramePair, AmbientFramesComeAlongAndMustMatch) {
+  const TemporaryFolder folder;
+  SaveFrame(folder / "l.png", Grey8());
+  SaveFrame(folder / "small.png", Grey8(8, 8));
+  const fs::path lit = folder / "l.png";
+  EXPECT_TRUE(LoadFramePair(lit, lit, lit, lit).ambient_right.has_value());
+  EXPECT_THAT(FaultOf([&] { static_cast<void>(LoadFramePair(lit, lit, lit, folder / "small.png")); }),
+              HasSubstr("ambient right is 8x8"));
+}
+
+TEST(SaveFrame, RefusesWhatItCannotKeep) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { SaveFrame(folder / "f.png", cv::Mat()); }), HasSubstr("empty"));
+  EXPECT_THAT(FaultOf([&] { SaveFrame(folder / "f.png", cv::Mat(2, 2, CV_32FC1, cv::Scalar(0))); }),
+              HasSubstr("8- or 16-bit"));
+  EXPECT_THAT(FaultOf([&] { SaveFrame(folder / "f.jpg", Grey8()); }), HasSubstr(".png, .tif, .tiff or .pgm"));
+  EXPECT_THAT(FaultOf([&] { SaveFrame(folder / "f.pgm", cv::Mat(2, 2, CV_8UC3, cv::Scalar(0))); }),
+              HasSubstr("grey only"));
+}
+
+// ---------------------------------------------------------------- writing whole or not at all
+
+TEST(WriteBytes, MissingFolderIsNamed) {
+  EXPECT_THAT(FaultOf([] { WriteBytes("/nowhere/at/all.txt", "x"); }), HasSubstr("there is no folder /nowhere/at"));
+}
+TEST(WriteBytes, AFullDiskIsAnError) {
+  EXPECT_THAT(FaultOf([] { WriteBytes("/dev/full", "x"); }), HasSubstr("No space left"));
+}
+TEST(WriteBytes, AFolderCannotBeReplaced) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { WriteBytes(folder.path(), "x"); }), HasSubstr("is a folder"));
+}
+TEST(WriteBytes, ReplacesAndLeavesNothingElseBehind) {
+  const TemporaryFolder folder;
+  WriteBytes(folder / "f", "old and longer");
+  WriteBytes(folder / "f", "new");
+  EXPECT_EQ(ReadBytes(folder / "f"), "new");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1);
+}
+TEST(WriteBytes, WritesThroughALink) {
+  const TemporaryFolder folder;
+  WriteBytes(folder / "target", "old");
+  fs::create_symlink("target", folder / "link");
+  WriteBytes(folder / "link", "new");
+  EXPECT_TRUE(fs::is_symlink(folder / "link"));
+  EXPECT_EQ(ReadBytes(folder / "target"), "new");
+}
+
+// ---------------------------------------------------------------- clouds
+
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+std::string FloatBytes(float value) {
+  std::string bytes(4, '\0');
+  std::memcpy(bytes.data(), &value, 4);
+  return bytes;
+}
+float FloatAt(const std::string& bytes, std::size_t at) {
+  float value = 0;
+  std::memcpy(&value, bytes.data() + at, 4);
+  return value;
+}
+
+TEST(WritePfm, HasTheBytesOfMiddlebury) {
+  const TemporaryFolder folder;
+  WritePfm(folder / "d.pfm", (cv::Mat_<float>(2, 2) << 1, 2, kNan, 4));
+  EXPECT_EQ(TemporaryFolder::Read(folder / "d.pfm"),
+            "Pf\n2 2\n-1.0\n" + FloatBytes(kInf) + FloatBytes(4) + FloatBytes(1) + FloatBytes(2));
+}
+TEST(ReadPfm, ReadsBack) {
+  const TemporaryFolder folder;
+  const cv::Mat values = (cv::Mat_<float>(2, 3) << 1, 2, 3, 4.5, kInf, 6);
+  WritePfm(folder / "d.pfm", values);
+  const cv::Mat back = ReadPfm(folder / "d.pfm");
+  ASSERT_EQ(back.size(), values.size());
+  EXPECT_EQ(std::memcmp(back.data, values.data, 24), 0);
+}
+TEST(ReadPfm, ReadsBigEndian) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(ReadPfm(folder.Write("b.pfm", std::string("Pf\n1 1\n1.0\n\x3f\x80\0\0", 15))).at<float>(0, 0), 1.0F);
+}
+TEST(ReadPfm, FaultsAreNamed) {
+  const TemporaryFolder folder;
+  const auto fault = [&](const std::string& bytes) {
+    return FaultOf([&] { static_cast<void>(ReadPfm(folder.Write("d.pfm", bytes))); });
+  };
+  EXPECT_THAT(fault("PF\n1 1\n-1.0\n____________"), HasSubstr("colour PFM"));
+  EXPECT_THAT(fault("hello"), HasSubstr("is no PFM"));
+  EXPECT_THAT(fault("Pf\n1 x\n-1.0\n____"), HasSubstr("damaged header"));
+  EXPECT_THAT(fault("Pf\n1 1\n0\n____"), HasSubstr("damaged header"));
+  EXPECT_THAT(fault("Pf\n1 2\n-1.0\n____"), HasSubstr("is truncated"));
+  EXPECT_THAT(fault("Pf\n1 1\n-1.0\n_____"), HasSubstr("is damaged"));
+}
+TEST(WritePfm, RefusesWhatIsNoMap) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { WritePfm(folder / "d.pfm", Grey8()); }), HasSubstr("one float channel"));
+}
+
+Surface TwoTriangles() {
+  Surface surface;
+  surface.vertices_in_world = {{0, 0, 0.1}, {1, 0, 0.1}, {1, 1, 0.1}, {0, 1, 0.1}, {5, 5, 5}};
+  surface.height_m = {0.1, 0.1, 0.1, 0.1, 5};
+  surface.interpolated = {0, 0, 1, 0, 1};
+  surface.triangles = {{0, 1, 2}, {0, 2, 3}};
+  surface.triangle_interpolated = {1, 1};
+  return surface;
+}
+
+TEST(WritePlyMesh, LaysOutWhatItsHeaderSays) {
+  const TemporaryFolder folder;
+  WritePlyMesh(folder / "m.ply", TwoTriangles());
+  const std::string bytes = TemporaryFolder::Read(folder / "m.ply");
+  EXPECT_THAT(bytes, testing::StartsWith("ply\nformat binary_little_endian 1.0\n"));
+  EXPECT_THAT(bytes,
+              HasSubstr("element vertex 5\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+                        "property float ny\nproperty float nz\nproperty uchar interpolated\n"
+                        "element face 2\nproperty list uchar int vertex_indices\nend_header\n"));
+  const std::size_t data = bytes.find("end_header\n") + 11;
+  ASSERT_EQ(bytes.size(), data + 5 * 25 + 2 * 13);
+  EXPECT_EQ(FloatAt(bytes, data + 25), 1.0F);           // x of vertex 1
+  EXPECT_EQ(FloatAt(bytes, data + 25 + 8), 0.1F);       // z
+  EXPECT_EQ(FloatAt(bytes, data + 25 + 20), 1.0F);      // nz: counter-clockwise from above points up
+  EXPECT_EQ(bytes[data + 2 * 25 + 24], 1);              // vertex 2 was completed
+  EXPECT_EQ(FloatAt(bytes, data + 4 * 25 + 20), 1.0F);  // a vertex of no triangle points up
+  const std::size_t faces = data + 5 * 25;
+  EXPECT_EQ(bytes[faces], 3);
+  EXPECT_EQ(bytes.substr(faces + 14, 12), std::string("\0\0\0\0\2\0\0\0\3\0\0\0", 12));
+}
+TEST(WritePlyCloud, HasNoFaces) {
+  const TemporaryFolder folder;
+  WritePlyCloud(folder / "c.ply", TwoTriangles());
+  const std::string bytes = TemporaryFolder::Read(folder / "c.ply");
+  EXPECT_THAT(bytes, testing::Not(HasSubstr("face")));
+  EXPECT_EQ(bytes.size(), bytes.find("end_header\n") + 11 + 5 * 25);
+}
+TEST(WritePlyMesh, AnEmptySurfaceIsAnEmptyFile) {
+  const TemporaryFolder folder;
+  WritePlyMesh(folder / "m.ply", Surface{});
+  EXPECT_THAT(TemporaryFolder::Read(folder / "m.ply"), HasSubstr("element vertex 0\n"));
+}
+
+cv::Mat SomePoints() {
+  cv::Mat points(2, 3, CV_32FC3, cv::Scalar::all(kNan));
+  points.at<cv::Vec3f>(0, 0) = {1, 2, 3};
+  points.at<cv::Vec3f>(1, 2) = {-0.1F, 1e-9F, 7};
+  return points;
+}
+bool SameBytes(const cv::Mat& a, const cv::Mat& b) {
+  return a.type() == b.type() && a.size() == b.size() && std::memcmp(a.data, b.data, a.total() * a.elemSize()) == 0;
+}
+
+TEST(ReadPcd, ReadsBackBitForBitNansIncluded) {
+  const TemporaryFolder folder;
+  const cv::Mat noise = (cv::Mat_<float>(2, 3) << 1, kNan, 3, 4, 5, 6);
+  WritePcd(folder / "c.pcd", SomePoints(), noise);
+  const PcdCloud back = ReadPcd(folder / "c.pcd");
+  EXPECT_TRUE(SameBytes(back.points, SomePoints()));
+  EXPECT_TRUE(SameBytes(back.noise_m, noise));
+}
+TEST(ReadPcd, NoiseMayBeAbsent) {
+  const TemporaryFolder folder;
+  WritePcd(folder / "c.pcd", SomePoints());
+  const PcdCloud back = ReadPcd(folder / "c.pcd");
+  EXPECT_TRUE(SameBytes(back.points, SomePoints()));
+  EXPECT_TRUE(back.noise_m.empty());
+}
+TEST(WritePcd, IsOrganisedAsThePicture) {
+  const TemporaryFolder folder;
+  WritePcd(folder / "c.pcd", SomePoints());
+  const std::string bytes = TemporaryFolder::Read(folder / "c.pcd");
+  EXPECT_THAT(bytes, HasSubstr("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 3\nHEIGHT 2\n"
+                               "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 6\nDATA binary\n"));
+  EXPECT_EQ(FloatAt(bytes, bytes.size() - 4), 7.0F);
+}
+TEST(WritePcd, RefusesNoiseOfAnotherSize) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(FaultOf([&] { WritePcd(folder / "c.pcd", SomePoints(), cv::Mat(1, 1, CV_32FC1)); }), HasSubstr("noise"));
+  EXPECT_THAT(FaultOf([&] { WritePcd(folder / "c.pcd", Grey8()); }), HasSubstr("three floats"));
+}
+TEST(ReadPcd, FaultsAreNamed) {
+  const TemporaryFolder folder;
+  WritePcd(folder / "c.pcd", SomePoints());
+  const std::string whole = TemporaryFolder::Read(folder / "c.pcd");
+  const auto fault = [&](const std::string& bytes) {
+    return FaultOf([&] { static_cast<void>(ReadPcd(folder.Write("bad.pcd", bytes))); });
+  };
+  EXPECT_THAT(fault(whole.substr(0, whole.size() - 1)), HasSubstr("is truncated"));
+  EXPECT_THAT(fault(whole + "x"), HasSubstr("is damaged"));
+  EXPECT_THAT(fault(whole.substr(0, 30)), HasSubstr("is no PCD"));
+  EXPECT_THAT(fault(Replaced(whole, "DATA binary", "DATA ascii")), HasSubstr("DATA is \"ascii\""));
+  EXPECT_THAT(fault(Replaced(whole, "x y z", "x y i")), HasSubstr("FIELDS is"));
+  EXPECT_THAT(fault(Replaced(whole, "WIDTH 3", "WIDTH 0")), HasSubstr("WIDTH and HEIGHT"));
+  EXPECT_THAT(fault(Replaced(whole, "WIDTH 3", "WIDTH -3")), HasSubstr("WIDTH and HEIGHT"));
+}
+
+}  // namespace
+}  // namespace granary
