@@ -25,9 +25,9 @@ struct BinConfig {
 };
 
 struct Config {
-  std::filesystem::path file;           ///< where it was read from; paths inside are already absolute
+  std::filesystem::path file;  ///< where it was read from; paths inside are already absolute
   std::string site_name = "granary";
-  std::string log_level = "info";       ///< trace | debug | info | warn | error
+  std::string log_level = "info";  ///< trace | debug | info | warn | error
   ModbusTcpOptions modbus_tcp;
   std::optional<ModbusRtuOptions> modbus_rtu;
   std::optional<ModbusPlcOptions> modbus_plc;
@@ -37,9 +37,9 @@ struct Config {
 /// One fault of the file.
 struct ConfigFault {
   std::string file;
-  int line = 0;          ///< 1-based; 0 when the fault is that something is missing altogether
-  std::string key;       ///< dotted, e.g. "bin[0].rig[0].left.driver"
-  std::string message;   ///< what is wrong, what is allowed
+  int line = 0;         ///< 1-based; of a missing key, that of its table; 0 when there is no file to read
+  std::string key;      ///< dotted, e.g. "bin[0].rig[0].left.driver"
+  std::string message;  ///< what is wrong, what is allowed
   /// `FILE:LINE: key: message`
   [[nodiscard]] std::string Text() const;
 };

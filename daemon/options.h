@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace granary {
@@ -18,10 +19,10 @@ struct ScheduleOptions {
 
 /// Gates and repeats of one cycle.
 struct CycleOptions {
-  int attempts = 3;                                ///< captures tried before the last good value is held
+  int attempts = 3;  ///< captures tried before the last good value is held
   std::chrono::milliseconds retry_delay{2000};
-  std::optional<double> max_rate_m3_h;             ///< a faster change of volume is implausible; empty: no gate
-  std::chrono::milliseconds stale_after{0};        ///< age at which a figure is stale; 0: three times the schedule
+  std::optional<double> max_rate_m3_h;       ///< a faster change of volume is implausible; empty: no gate
+  std::chrono::milliseconds stale_after{0};  ///< age at which a figure is stale; 0: three times the schedule
 };
 
 struct ModbusTcpOptions {
@@ -39,9 +40,27 @@ struct ModbusRtuOptions {
 };
 
 struct ModbusPlcOptions {
-  std::string address;          ///< host:port
+  std::string address;  ///< host:port
   int unit = 1;
-  int base = 0;                 ///< holding register of the PLC where the summary block is written
+  int base = 0;  ///< holding register of the PLC where the summary block is written
 };
+
+/// A TCP end point.
+struct HostPort {
+  std::string host;  ///< name or address, an IPv6 address without its brackets
+  std::uint16_t port = 0;
+};
+
+/// Splits "host:port" or "[v6 address]:port". @return empty when it is neither, or the port is not 1…65535.
+[[nodiscard]] std::optional<HostPort> ParseHostPort(std::string_view text);
+/// The inverse: brackets an IPv6 address.
+[[nodiscard]] std::string PrintHostPort(const HostPort& end_point);
+
+/// What is wrong with the options: one "key: what, what is allowed" each; empty when all is well.
+[[nodiscard]] std::vector<std::string> Faults(const ScheduleOptions& options);
+[[nodiscard]] std::vector<std::string> Faults(const CycleOptions& options);
+[[nodiscard]] std::vector<std::string> Faults(const ModbusTcpOptions& options);
+[[nodiscard]] std::vector<std::string> Faults(const ModbusRtuOptions& options);
+[[nodiscard]] std::vector<std::string> Faults(const ModbusPlcOptions& options);
 
 }  // namespace granary
