@@ -6,8 +6,6 @@
 #include <cmath>
 #include <cstddef>
 
-#include <Eigen/Geometry>
-
 namespace granary {
 namespace {
 
