@@ -28,6 +28,7 @@ struct Inventory {
   double correction = 1.0;        ///< factor on the density: packing, moisture
   double loss_kg = 0.0;           ///< storage loss, added back to the quantity
   double alarm_percent = 3.0;     ///< |error rate| beyond this is abnormal
+  std::optional<double> density_u95_percent;  ///< expanded uncertainty (k = 2) of density · correction
 };
 
 /// Area of a polygon, m² (shoelace; positive whatever the winding).
