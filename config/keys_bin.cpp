@@ -45,6 +45,9 @@ const Section<Inventory>& InventorySection() {
   static const Section<T> section{
       {Value<T>("book_mass_kg", &T::book_mass_kg, "kg", "Quantity on the books. Unset: no error rate."),
        Value<T>("density_kg_m3", &T::density_kg_m3, "kg/m3", "Sampled bulk density. Unset: no quantity."),
+       Value<T>("density_u95_percent", &T::density_u95_percent, "%",
+                "Expanded uncertainty (k = 2) of density times correction. Unset: the error rate's uncertainty is the "
+                "volume's alone."),
        Value<T>("correction", &T::correction, "", "Factor on the density for packing and moisture."),
        Value<T>("loss_kg", &T::loss_kg, "kg", "Estimated storage loss, added back to the quantity."),
        Value<T>("alarm_percent", &T::alarm_percent, "%", "An error rate beyond ± this is abnormal.")},

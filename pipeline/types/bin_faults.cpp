@@ -140,6 +140,9 @@ std::vector<std::string> Faults(const Inventory& inventory) {
   require(!inventory.book_mass_kg || *inventory.book_mass_kg >= 0, "book_mass_kg: must be 0 or more");
   require(!inventory.density_kg_m3 || (*inventory.density_kg_m3 >= 1 && *inventory.density_kg_m3 <= 2000),
           "density_kg_m3: must be 1 to 2000");
+  require(
+      !inventory.density_u95_percent || (*inventory.density_u95_percent >= 0 && *inventory.density_u95_percent <= 100),
+      "density_u95_percent: must be 0 to 100");
   require(inventory.correction > 0 && inventory.correction <= 10, "correction: must be more than 0 and at most 10");
   require(inventory.loss_kg >= 0, "loss_kg: must be 0 or more");
   require(inventory.alarm_percent > 0 && inventory.alarm_percent <= 100,
