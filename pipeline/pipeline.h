@@ -1,7 +1,9 @@
 // The measuring pipeline: frames in, one measurement and every intermediate out.
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,18 +30,21 @@ struct RigSetup {
 
 /// What one rig contributed to a run. Mats are in the rectified left frame, H×W; empty when the run ended before.
 struct RigView {
-  cv::Mat left, right;        ///< rectified grey, CV_32FC1
-  cv::Mat disparity_px;       ///< CV_32FC1, +inf invalid
-  cv::Mat deviation_px;       ///< CV_32FC1, standard deviation of the disparity, NaN invalid
-  cv::Mat points_in_world;    ///< CV_32FC3, metres, NaN invalid
-  cv::Mat grain_mask;         ///< CV_8UC1, 255 where the point is grain
+  cv::Mat left, right;      ///< rectified grey, CV_32FC1
+  cv::Mat disparity_px;     ///< CV_32FC1, +inf invalid
+  cv::Mat deviation_px;     ///< CV_32FC1, standard deviation of the disparity, NaN invalid
+  cv::Mat points_in_world;  ///< CV_32FC3, metres, NaN invalid
+  cv::Mat grain_mask;       ///< CV_8UC1, 255 where the point is grain
 };
 
 struct PipelineRun {
-  Measurement measurement;    ///< valid, or with the reason why not
+  Measurement measurement;  ///< valid, or with the reason why not
   std::vector<RigView> rigs;
-  Surface surface;            ///< empty when the run ended before
+  Surface surface;  ///< empty when the run ended before
 };
+
+/// Milliseconds on a steady clock, for the stage timings; the pipeline itself reads no clock.
+using Stopwatch = std::function<double()>;
 
 /// Immutable after construction; Run may be called from several threads at once.
 class Pipeline {
@@ -51,7 +56,9 @@ class Pipeline {
 
   /// Measures once. A poor picture is a verdict (`measurement.reason`), not an exception.
   /// @param pairs one for each rig, in the order of the rigs
-  [[nodiscard]] PipelineRun Run(const std::vector<FramePair>& pairs, const Inventory& inventory) const;
+  /// @param stopwatch when given, `measurement.timings_ms` is filled, but for `capture`
+  [[nodiscard]] PipelineRun Run(const std::vector<FramePair>& pairs, const Inventory& inventory,
+                                const Stopwatch& stopwatch = {}) const;
 
   /// The cloud of the empty bin as rig `rig` sees it. A verdict other than kOk means that `reference` is not set.
   struct ReferenceRun {
@@ -62,6 +69,9 @@ class Pipeline {
     double coverage_percent = 0;  ///< of the floor
   };
   [[nodiscard]] ReferenceRun TakeReference(std::size_t rig, const FramePair& pair) const;
+
+  /// Things an engineer should know about the set-up, e.g. that the top of the bin is too near to be measured.
+  [[nodiscard]] const std::vector<std::string>& Notes() const;
 
  private:
   struct Impl;

@@ -146,7 +146,8 @@ class CostRows {
       const int last = std::clamp(x - range_.min_px + 1, first, range_.count);
       std::memset(out, bits_, first);
       if (last > first) {
-        hamming(left_.Row(y)[x], reversed.data() + (width - 1 - (x - range_.min_px - first)), last - first, out + first);
+        hamming(left_.Row(y)[x], reversed.data() + (width - 1 - (x - range_.min_px - first)), last - first,
+                out + first);
       }
       std::memset(out + last, bits_, range_.count - last);
       std::memset(out + range_.count, 255, stride_ - range_.count);
@@ -178,8 +179,10 @@ class PathRow {
 class Penalty {
  public:
   explicit Penalty(const AggregateOptions& options)
-      : p1_(static_cast<std::uint16_t>(options.p1)), p2_(static_cast<std::uint16_t>(options.p2)),
-        guide_(options.guide), scale_(options.guide_scale) {}
+      : p1_(static_cast<std::uint16_t>(options.p1)),
+        p2_(static_cast<std::uint16_t>(options.p2)),
+        guide_(options.guide),
+        scale_(options.guide_scale) {}
   [[nodiscard]] std::uint16_t p1() const { return p1_; }
   /// P2 for the step from (y − dy, x − dx) to (y, x).
   [[nodiscard]] std::uint16_t p2(int y, int x, int dy, int dx) const {
@@ -210,10 +213,10 @@ void SweepRows(const CostRows& costs, const Penalty& penalty, CostSums& out) {
           const int x = start + i * direction;
           const bool begins = i == 0;
           const std::uint16_t* before = begins ? origin.data() + 1 : path.At(1 - now);
-          path.Min(now) = step(cost.data() + static_cast<std::size_t>(x) * out.stride, before,
-                               begins ? 0 : path.Min(1 - now), penalty.p1(),
-                               begins ? penalty.p1() : penalty.p2(y, x, 0, direction), out.stride, direction > 0,
-                               path.At(now), out.At(y, x));
+          path.Min(now) =
+              step(cost.data() + static_cast<std::size_t>(x) * out.stride, before, begins ? 0 : path.Min(1 - now),
+                   penalty.p1(), begins ? penalty.p1() : penalty.p2(y, x, 0, direction), out.stride, direction > 0,
+                   path.At(now), out.At(y, x));
           now = 1 - now;
         }
       }
@@ -244,9 +247,9 @@ void SweepColumns(const CostRows& costs, const Penalty& penalty, int dy, std::ve
       for (int k = 0; k < 3; ++k) {
         const int from = x - (k - 1);
         const bool begins = i == 0 || from < 0 || from >= out.width;
-        after[k].Min(x) = step(c, begins ? origin.data() + 1 : before[k].At(from), begins ? 0 : before[k].Min(from),
-                               penalty.p1(), begins ? penalty.p1() : penalty.p2(y, x, dy, k - 1), out.stride, false,
-                               after[k].At(x), out.At(y, x));
+        after[k].Min(x) =
+            step(c, begins ? origin.data() + 1 : before[k].At(from), begins ? 0 : before[k].Min(from), penalty.p1(),
+                 begins ? penalty.p1() : penalty.p2(y, x, dy, k - 1), out.stride, false, after[k].At(x), out.At(y, x));
       }
     }
   }

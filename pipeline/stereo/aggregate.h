@@ -47,10 +47,10 @@ struct CostSums {
 
 /// Best disparity index of every left pixel, and the same for every right pixel, from the sums.
 struct Winners {
-  cv::Mat left_index;     ///< CV_16SC1, 0 … count − 1, −1 where no right pixel exists for any disparity
-  cv::Mat right_index;    ///< CV_16SC1, for right pixels, −1 likewise
-  cv::Mat subpixel;       ///< CV_32FC1, equiangular offset to add to left_index, −0.5 … 0.5
-  cv::Mat unique;         ///< CV_8UC1, 255 where the second-best sum, ±1 aside, exceeds the best by the given share
+  cv::Mat left_index;   ///< CV_16SC1, 0 … count − 1, −1 where no right pixel exists for any disparity
+  cv::Mat right_index;  ///< CV_16SC1, for right pixels, −1 likewise
+  cv::Mat subpixel;     ///< CV_32FC1, equiangular offset to add to left_index, −0.5 … 0.5
+  cv::Mat unique;       ///< CV_8UC1, 255 where the second-best sum, ±1 aside, exceeds the best by the given share
 };
 
 /// Winner takes all, with the equiangular interpolant (Shimizu and Okutomi 2001) between whole disparities.

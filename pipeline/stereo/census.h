@@ -25,8 +25,6 @@ struct CensusImage {
 [[nodiscard]] CensusImage CensusTransform(const cv::Mat& grey, int window_width, int window_height);
 
 /// Number of comparisons in a window, the largest possible Hamming distance.
-[[nodiscard]] constexpr int CensusBits(int window_width, int window_height) {
-  return window_width * window_height - 1;
-}
+[[nodiscard]] constexpr int CensusBits(int window_width, int window_height) { return window_width * window_height - 1; }
 
 }  // namespace granary

@@ -27,8 +27,11 @@ float Cubic(float a, float b, float c, float d, float t) {
 class BoxSums {
  public:
   BoxSums(int width, int radius, int channels)
-      : width_(width), radius_(radius), channels_(channels),
-        columns_(static_cast<std::size_t>(width) * channels, 0.0), sums_(columns_.size(), 0.0) {}
+      : width_(width),
+        radius_(radius),
+        channels_(channels),
+        columns_(static_cast<std::size_t>(width) * channels, 0.0),
+        sums_(columns_.size(), 0.0) {}
 
   void AddRow(const float* values) { Accumulate(values, 1.0); }
   void DropRow(const float* values) { Accumulate(values, -1.0); }
@@ -119,7 +122,8 @@ Smoothed SmoothDisparity(const cv::Mat& disparity, int radius) {
             const double mean = sums[1] / sums[0];
             if (sums[2] / sums[0] - mean * mean > kStepVariance_px2) continue;
             out.steady.at<std::uint8_t>(y, x) = 255;
-            // Only a window whose valid pixels are centred may be replaced by its mean: elsewhere the slope would leak in.
+            // Only a window whose valid pixels are centred may be replaced by its mean: elsewhere the slope would leak
+            // in.
             const bool centred = std::abs(sums[3] / sums[0] - x) < 0.25 && std::abs(sums[4] / sums[0] - y) < 0.25;
             if (centred) out.disparity_px.at<float>(y, x) = static_cast<float>(mean);
           }
@@ -131,12 +135,13 @@ Smoothed SmoothDisparity(const cv::Mat& disparity, int radius) {
 enum Channel { kCount, kL, kR, kG, kLL, kRR, kGG, kLR, kLG, kRG, kChannels };
 
 struct Shift {
-  cv::Mat delta_px;      // NaN where the window gives none
+  cv::Mat delta_px;  // NaN where the window gives none
   cv::Mat deviation_px;
-  cv::Mat residual;      // mean squared residual, grey²
+  cv::Mat residual;  // mean squared residual, grey²
 };
 
-Shift SolveShift(const cv::Mat& left, const cv::Mat& right, const cv::Mat& disparity, const cv::Mat& steady, int radius) {
+Shift SolveShift(const cv::Mat& left, const cv::Mat& right, const cv::Mat& disparity, const cv::Mat& steady,
+                 int radius) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   Shift out{cv::Mat(left.size(), CV_32FC1, cv::Scalar(nan)), cv::Mat(left.size(), CV_32FC1, cv::Scalar(nan)),
             cv::Mat(left.size(), CV_32FC1, cv::Scalar(nan))};
@@ -242,7 +247,8 @@ Refined RefineDisparity(const cv::Mat& left, const cv::Mat& right, const cv::Mat
       const bool solved = std::isfinite(shift.delta_px.at<float>(y, x));
       const bool settled = std::abs(shift.delta_px.at<float>(y, x)) < 0.5f;
       const bool near = std::abs(after - before) <= options.max_shift_px;
-      if (!solved || !settled || !near || shift.residual.at<float>(y, x) > 1.1f * first_residual.at<float>(y, x)) continue;
+      if (!solved || !settled || !near || shift.residual.at<float>(y, x) > 1.1f * first_residual.at<float>(y, x))
+        continue;
       out.disparity_px.at<float>(y, x) = after;
       deviation = shift.deviation_px.at<float>(y, x);
     }

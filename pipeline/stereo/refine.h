@@ -6,7 +6,7 @@
 namespace granary {
 
 struct RefineOptions {
-  int radius_px = 5;        ///< half window
+  int radius_px = 5;  ///< half window
   int iterations = 2;
   double max_shift_px = 1;  ///< a pixel that wants to move further keeps its disparity
 };

@@ -14,20 +14,20 @@ using Polygon = std::vector<Eigen::Vector2d>;
 
 /// Geometry of one bin in the world frame.
 struct Bin {
-  int id = 1;                     ///< also the Modbus unit id, 1…247
+  int id = 1;  ///< also the Modbus unit id, 1…247
   std::string name;
   Polygon footprint_m;
-  double height_m = 0;            ///< top of the bin above z = 0
-  std::vector<Polygon> exclude_m; ///< floor that holds no grain (pillars, ducts)
+  double height_m = 0;             ///< top of the bin above z = 0
+  std::vector<Polygon> exclude_m;  ///< floor that holds no grain (pillars, ducts)
 };
 
 /// Book data of one bin (METHOD §7). An absent value is unknown, never 0.
 struct Inventory {
   std::optional<double> book_mass_kg;
   std::optional<double> density_kg_m3;
-  double correction = 1.0;        ///< factor on the density: packing, moisture
-  double loss_kg = 0.0;           ///< storage loss, added back to the quantity
-  double alarm_percent = 3.0;     ///< |error rate| beyond this is abnormal
+  double correction = 1.0;                    ///< factor on the density: packing, moisture
+  double loss_kg = 0.0;                       ///< storage loss, added back to the quantity
+  double alarm_percent = 3.0;                 ///< |error rate| beyond this is abnormal
   std::optional<double> density_u95_percent;  ///< expanded uncertainty (k = 2) of density · correction
 };
 

@@ -14,8 +14,8 @@ using UtcTime = std::chrono::sys_time<std::chrono::nanoseconds>;
 
 /// One grey picture. Nobody writes into `image` after the frame was made.
 struct Frame {
-  cv::Mat image;       ///< H×W, CV_8UC1 or CV_16UC1, linear grey
-  int bit_depth = 8;   ///< significant bits of a pixel: 8, 10, 12, 14 or 16
+  cv::Mat image;      ///< H×W, CV_8UC1 or CV_16UC1, linear grey
+  int bit_depth = 8;  ///< significant bits of a pixel: 8, 10, 12, 14 or 16
   UtcTime exposure_start{};
   std::uint64_t frame_id = 0;  ///< the camera's own counter, or the index of the file
   std::string source;          ///< camera id or file, for messages
@@ -29,9 +29,9 @@ struct Frame {
 struct FramePair {
   Frame left;
   Frame right;
-  std::optional<Frame> ambient_left;   ///< the same scene with the projector off
+  std::optional<Frame> ambient_left;  ///< the same scene with the projector off
   std::optional<Frame> ambient_right;
-  std::chrono::microseconds skew{0};   ///< |exposure start left − right|
+  std::chrono::microseconds skew{0};  ///< |exposure start left − right|
   [[nodiscard]] bool Simulated() const { return left.simulated || right.simulated; }
 };
 

@@ -40,7 +40,7 @@ enum class FaultKind : std::uint8_t { kNone, kCamera, kProjector, kPreparation, 
 
 struct ReasonInfo {
   Reason reason;
-  std::string_view name;     ///< as in JSON and logs, e.g. "coverage_low"
+  std::string_view name;  ///< as in JSON and logs, e.g. "coverage_low"
   FaultKind kind;
   std::string_view meaning;  ///< one sentence
   std::string_view remedy;   ///< what to do about it

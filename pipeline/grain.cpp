@@ -1,0 +1,116 @@
+// Everything is decided a pixel on masks; the exact nearest-neighbour rule of METHOD §5 is segment.h's.
+#include "pipeline/grain.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <opencv2/imgproc.hpp>
+
+#include "pipeline/segment.h"
+
+namespace granary {
+
+namespace {
+
+// 255 near a jump of the disparity, where a matching window straddles two surfaces.
+cv::Mat NearStep(const cv::Mat& disparity, int margin_px) {
+  constexpr float kStep_px = 1.5f;
+  cv::Mat step = cv::Mat::zeros(disparity.size(), CV_8UC1);
+  for (int y = 0; y < disparity.rows; ++y) {
+    const float* here = disparity.ptr<float>(y);
+    const float* below = y + 1 < disparity.rows ? disparity.ptr<float>(y + 1) : here;
+    for (int x = 0; x < disparity.cols; ++x) {
+      if (!std::isfinite(here[x])) continue;
+      const auto jumps = [&](float other) { return std::isfinite(other) && std::abs(other - here[x]) > kStep_px; };
+      if (jumps(below[x]) || (x + 1 < disparity.cols && jumps(here[x + 1]))) step.at<std::uint8_t>(y, x) = 255;
+    }
+  }
+  cv::Mat near;
+  cv::dilate(step, near, cv::Mat::ones(2 * margin_px + 1, 2 * margin_px + 1, CV_8UC1));
+  return near;
+}
+
+// 255 where a disparity departs from the median of its 5×5 neighbours: a spike the blob filter left.
+cv::Mat Spikes(const cv::Mat& disparity) {
+  constexpr float kSpike_px = 1.0f;
+  cv::Mat filled = disparity.clone(), median;
+  filled.setTo(0, disparity == std::numeric_limits<float>::infinity());
+  cv::medianBlur(filled, median, 5);
+  return cv::abs(filled - median) > kSpike_px;
+}
+
+std::vector<Eigen::Vector3f> FinitePoints(const cv::Mat& points) {
+  std::vector<Eigen::Vector3f> out;
+  out.reserve(points.total());
+  for (int y = 0; y < points.rows; ++y) {
+    for (const auto* p = points.ptr<cv::Vec3f>(y); p != points.ptr<cv::Vec3f>(y) + points.cols; ++p) {
+      if (std::isfinite((*p)[2])) out.emplace_back((*p)[0], (*p)[1], (*p)[2]);
+    }
+  }
+  return out;
+}
+
+double MedianSpacing_m(const cv::Mat& points, const cv::Mat& mask) {
+  std::vector<double> gaps;
+  for (int y = 0; y < mask.rows; y += 3) {
+    for (int x = 0; x + 1 < mask.cols; x += 3) {
+      if (!mask.at<std::uint8_t>(y, x) || !mask.at<std::uint8_t>(y, x + 1)) continue;
+      const auto &a = points.at<cv::Vec3f>(y, x), &b = points.at<cv::Vec3f>(y, x + 1);
+      gaps.push_back(std::hypot(a[0] - b[0], a[1] - b[1]));
+    }
+  }
+  if (gaps.empty()) return 0;
+  std::nth_element(gaps.begin(), gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2), gaps.end());
+  return gaps[gaps.size() / 2];
+}
+
+}  // namespace
+
+GrainPoints FindGrain(const cv::Mat& points, const cv::Mat& disparity, const cv::Mat& empty_bin, const Floor& floor,
+                      const Bin& bin, const GrainOptions& options) {
+  GrainPoints out;
+  out.mask = cv::Mat::zeros(points.size(), CV_8UC1);
+  const cv::Mat rejected = NearStep(disparity, options.step_margin_px) | Spikes(disparity);
+
+  // Candidates: over the grain floor, clear of its edges, not at a step.
+  std::vector<Eigen::Vector3f> candidates;
+  std::vector<cv::Point> pixels;
+  std::size_t above = 0;
+  Eigen::Vector2d low = bin.footprint_m[0], high = low;
+  for (const auto& corner : bin.footprint_m) {
+    low = low.cwiseMin(corner);
+    high = high.cwiseMax(corner);
+  }
+  for (int y = 0; y < points.rows; ++y) {
+    for (int x = 0; x < points.cols; ++x) {
+      const auto& p = points.at<cv::Vec3f>(y, x);
+      if (!std::isfinite(p[2]) || rejected.at<std::uint8_t>(y, x)) continue;
+      const Eigen::Vector2d place(p[0], p[1]);
+      if ((place.array() < low.array()).any() || (place.array() > high.array()).any()) continue;
+      if (!IsGrainFloor(bin, place) || DistanceToEdge_m(bin, place) <= options.edge_margin_m) continue;
+      candidates.emplace_back(p[0], p[1], p[2]);
+      pixels.emplace_back(x, y);
+      above += p[2] > bin.height_m + options.segment_distance_m;
+    }
+  }
+  if (candidates.empty()) return out;
+  out.above_share = static_cast<double>(above) / static_cast<double>(candidates.size());
+
+  const std::vector<std::uint8_t> scene =
+      empty_bin.empty() ? std::vector<std::uint8_t>(candidates.size(), 0)
+                        : FindScenePoints(candidates, FinitePoints(empty_bin), options.segment_distance_m);
+  const std::vector<std::uint8_t> passed = PassThroughZ(candidates, static_cast<float>(-5 * options.segment_distance_m),
+                                                        static_cast<float>(bin.height_m + options.segment_distance_m));
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (!passed[i]) continue;
+    const Eigen::Vector3d point = candidates[i].cast<double>();
+    const double height_m = point.z() - floor.HeightAt(point.head<2>());
+    if (scene[i] && std::abs(height_m) > options.segment_distance_m) continue;  // a wall, a beam, a cable
+    out.mask.at<std::uint8_t>(pixels[i]) = 255;
+    out.points_in_world.push_back(point);
+  }
+  out.spacing_m = MedianSpacing_m(points, out.mask);
+  return out;
+}
+
+}  // namespace granary

@@ -1,0 +1,38 @@
+// A height at any place of the floor plane from scattered heights: the plane that fits the neighbourhood.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace granary {
+
+/// Immutable after construction; may be read from several threads.
+class LocalPlanes {
+ public:
+  /// @param points_in_world samples, metres; z is the height fitted
+  /// @param cell_m side of the square cells in which samples are pooled; the fit reaches over a few cells
+  LocalPlanes(std::span<const Eigen::Vector3d> points_in_world, double cell_m);
+
+  /// Height at `place`: a plane through the samples nearby, nearer ones weighing more, looking further out until
+  /// enough were found; never steeper than `max_slope`, and never outside the heights it was fitted to by more than
+  /// that slope allows. Empty when there is no sample at all.
+  [[nodiscard]] std::optional<double> HeightAt(const Eigen::Vector2d& place, double max_slope) const;
+
+ private:
+  struct Moments {
+    double n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0;  // about the cell's centre
+    double low = 1e300, high = -1e300;
+  };
+  [[nodiscard]] Eigen::Vector2d Centre(int column, int row) const;
+
+  Eigen::Vector2d origin_{0, 0};
+  double cell_m_ = 1;
+  int columns_ = 0, rows_ = 0;
+  std::vector<Moments> cells_;
+};
+
+}  // namespace granary

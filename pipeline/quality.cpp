@@ -1,0 +1,71 @@
+// Dots are a few pixels wide: what a blur of that size takes away is speckle, what it leaves is shape and shade.
+#include "pipeline/quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <opencv2/imgproc.hpp>
+
+namespace granary {
+
+namespace {
+
+// Below this share of the wanted contrast there are no dots at all: the lamp is dark, not the window dirty.
+constexpr double kDarkProjectorShare = 0.4;
+
+struct SideQuality {
+  double mean, contrast, saturated;
+};
+
+SideQuality Assess(const cv::Mat& grey, const cv::Mat& mask) {
+  // Texture between 2 and 9 px: the band of the dots. Noise of single pixels is averaged away by the small blur.
+  cv::Mat fine, coarse, band, power;
+  cv::GaussianBlur(grey, fine, {3, 3}, 0.8);
+  cv::boxFilter(grey, coarse, CV_32F, {9, 9});
+  band = fine - coarse;
+  cv::multiply(band, band, power);
+  const double mean = cv::mean(grey, mask)[0];
+  const double rms = std::sqrt(cv::mean(power, mask)[0]);
+  cv::Mat full, share;
+  cv::Mat(grey >= 254.5f).convertTo(full, CV_32FC1, 1.0 / 255);
+  cv::boxFilter(full, share, CV_32F, {9, 9});
+  const double saturated =
+      static_cast<double>(cv::countNonZero((share > 0.5) & mask)) / std::max(1, cv::countNonZero(mask));
+  return {mean, mean > 0 ? rms / mean : 0, saturated};
+}
+
+std::string Percent(const char* what, double value, const char* relation, double limit) {
+  char text[160];
+  std::snprintf(text, sizeof text, "%s %.1f %%, %s %.1f %%", what, value * 100, relation, limit * 100);
+  return text;
+}
+
+}  // namespace
+
+PictureQuality AssessPictures(const RectifiedPair& pair, const cv::Mat& left_mask, const cv::Mat& right_mask) {
+  const SideQuality left = Assess(pair.left, left_mask), right = Assess(pair.right, right_mask);
+  return {std::min(left.mean, right.mean) / 255, std::min(left.contrast, right.contrast),
+          std::max(left.saturated, right.saturated)};
+}
+
+Verdict JudgePictures(const PictureQuality& quality, const QualityOptions& options) {
+  if (quality.mean_fraction < options.min_mean_fraction) {
+    return {Reason::kTooDark, Percent("mean grey", quality.mean_fraction, "at least", options.min_mean_fraction)};
+  }
+  if (quality.saturated_fraction > options.max_saturated_fraction) {
+    return {Reason::kSaturated,
+            Percent("saturated area", quality.saturated_fraction, "at most", options.max_saturated_fraction)};
+  }
+  if (quality.speckle_contrast < kDarkProjectorShare * options.min_speckle_contrast) {
+    return {Reason::kProjectorDark,
+            Percent("speckle contrast", quality.speckle_contrast, "at least", options.min_speckle_contrast)};
+  }
+  if (quality.speckle_contrast < options.min_speckle_contrast) {
+    return {Reason::kLowContrast,
+            Percent("speckle contrast", quality.speckle_contrast, "at least", options.min_speckle_contrast)};
+  }
+  return {};
+}
+
+}  // namespace granary
