@@ -1,1 +1,97 @@
+// The checks of the options, worded as the configuration file's reader hands them on.
 #include "drivers/options.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace granary {
+namespace {
+
+class FaultList {
+ public:
+  void Require(bool ok, const char* words) {
+    if (!ok) faults_.emplace_back(words);
+  }
+  [[nodiscard]] std::vector<std::string> Take() { return std::move(faults_); }
+
+ private:
+  std::vector<std::string> faults_;
+};
+
+constexpr double kLongestExposure_us = 1e6;
+
+}  // namespace
+
+std::chrono::microseconds PulseWidth(const RigOptions& options) {
+  const double exposure_us = std::max(options.left.exposure_us, options.right.exposure_us);
+  return options.projector.settle + std::chrono::microseconds(std::llround(std::ceil(exposure_us)));
+}
+
+std::vector<std::string> Faults(const CameraOptions& options) {
+  FaultList faults;
+  const bool by_id = options.driver == CameraDriver::kAravis || options.driver == CameraDriver::kV4l2;
+  faults.Require(!by_id || !options.id.empty(),
+                 "id: is missing; aravis and v4l2 need the id that `granaryctl cameras` lists");
+  faults.Require(options.exposure_us >= 1 && options.exposure_us <= kLongestExposure_us,
+                 "exposure_us: must be 1 to 1000000");
+  faults.Require(options.gain_db >= 0 && options.gain_db <= 48, "gain_db: must be 0 to 48");
+  faults.Require(options.driver != CameraDriver::kReplay || !options.files.empty(),
+                 "files: must name at least one picture when driver = \"replay\"");
+  faults.Require(options.driver == CameraDriver::kReplay || options.files.empty(),
+                 "files: must be absent unless driver = \"replay\"");
+  return faults.Take();
+}
+
+std::vector<std::string> Faults(const ProjectorOptions& options) {
+  FaultList faults;
+  faults.Require(options.driver != ProjectorDriver::kGpio || !options.chip.empty(),
+                 "chip: is missing; gpio needs the chip's device or label");
+  faults.Require(options.line >= 0 && options.line <= 1023, "line: must be 0 to 1023");
+  faults.Require(options.settle >= std::chrono::microseconds(0) && options.settle <= std::chrono::microseconds(100000),
+                 "settle_us: must be 0 to 100000");
+  faults.Require(options.max_on >= std::chrono::milliseconds(1) && options.max_on <= std::chrono::milliseconds(1000),
+                 "max_on_ms: must be 1 to 1000");
+  return faults.Take();
+}
+
+std::vector<std::string> Faults(const SimOptions& options) {
+  FaultList faults;
+  const auto finite_from_0 = [](double value) { return std::isfinite(value) && value >= 0; };
+  faults.Require(finite_from_0(options.volume_m3), "volume_m3: must be 0 up to what the bin holds");
+  faults.Require(finite_from_0(options.volume_step_m3), "volume_step_m3: must not be negative");
+  faults.Require(options.motion == SimMotion::kStill || options.volume_step_m3 != 0,
+                 "volume_step_m3: must be more than 0 when motion is not \"still\"");
+  faults.Require(options.full_well_e >= 100 && options.full_well_e <= 1e6, "full_well_e: must be 100 to 1000000");
+  faults.Require(options.read_noise_e >= 0 && options.read_noise_e <= 1000, "read_noise_e: must be 0 to 1000");
+  faults.Require(options.ambient >= 0 && options.ambient <= 2, "ambient: must be 0 to 2");
+  return faults.Take();
+}
+
+std::vector<std::string> Faults(const RigOptions& options) {
+  FaultList faults;
+  faults.Require(!options.name.empty(), "name: must not be empty");
+  faults.Require(options.max_skew >= std::chrono::microseconds(0) && options.max_skew <= std::chrono::seconds(1),
+                 "max_skew_us: must be 0 to 1000000");
+
+  const bool left_sim = options.left.driver == CameraDriver::kSim;
+  const bool right_sim = options.right.driver == CameraDriver::kSim;
+  faults.Require(left_sim == right_sim, "right.driver: \"sim\" must be both cameras' driver or neither's");
+  faults.Require(options.projector.driver != ProjectorDriver::kSim || (left_sim && right_sim),
+                 "projector.driver: \"sim\" lights simulated cameras only; must be gpio or none");
+  faults.Require(options.projector.driver != ProjectorDriver::kGpio || !(left_sim || right_sim),
+                 "projector.driver: \"gpio\" does not light simulated cameras; must be sim or none");
+  if (options.left.driver == CameraDriver::kReplay && options.right.driver == CameraDriver::kReplay) {
+    faults.Require(options.left.files.size() == options.right.files.size(),
+                   "right.files: must be as many pictures as left.files, one for each pair");
+  }
+  // The exposures are judged only where they are possible at all; their own faults say the rest.
+  const bool judged =
+      Faults(options.left).empty() && Faults(options.right).empty() && Faults(options.projector).empty();
+  if (judged && options.projector.driver != ProjectorDriver::kNone) {
+    faults.Require(PulseWidth(options) <= options.projector.max_on,
+                   "projector.max_on_ms: must be at least settle_us plus the longer exposure_us");
+  }
+  return faults.Take();
+}
+
+}  // namespace granary

@@ -1,0 +1,105 @@
+// Cameras and a projector that obey their contracts and fail on request.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/camera.h"
+#include "drivers/errors.h"
+#include "drivers/projector.h"
+
+namespace granary {
+
+/// What happened, in order, over all fakes of a rig: "left arm", "projector pulse", …
+using EventLog = std::vector<std::string>;
+
+/// What a test sets and sees of a FakeCamera that a Rig owns.
+struct FakeCameraState {
+  std::string id;
+  std::shared_ptr<EventLog> events;
+  std::deque<Frame> frames;  ///< given in turn; none left: the frame is missing
+  std::optional<Reason> fail_arm, fail_grab;
+  bool block_grab = false;      ///< Grab waits for Interrupt
+  std::promise<void> grabbing;  ///< set when a Grab that blocks has begun
+  bool armed = false;
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool interrupted = false;
+};
+
+class FakeCamera final : public Camera {
+ public:
+  explicit FakeCamera(std::shared_ptr<FakeCameraState> state) : state_(std::move(state)) {}
+  [[nodiscard]] std::string Id() const override { return state_->id; }
+  void Arm() override {
+    Note("arm");
+    if (state_->fail_arm) throw DeviceError(*state_->fail_arm, Id(), "arm", "fails on request");
+    state_->armed = true;
+  }
+  [[nodiscard]] Frame Grab(std::chrono::milliseconds) override {
+    Note("grab");
+    if (state_->block_grab) {
+      std::unique_lock lock(state_->mutex);
+      state_->grabbing.set_value();
+      state_->changed.wait(lock, [&] { return state_->interrupted; });
+      throw DeviceError(Reason::kFrameMissing, Id(), "grab", "interrupted");
+    }
+    if (state_->fail_grab) throw DeviceError(*state_->fail_grab, Id(), "grab", "fails on request");
+    if (state_->frames.empty()) throw DeviceError(Reason::kFrameMissing, Id(), "grab", "no frame in time");
+    Frame frame = state_->frames.front();
+    state_->frames.pop_front();
+    return frame;
+  }
+  void Disarm() noexcept override {
+    Note("disarm");
+    state_->armed = false;
+  }
+  void Interrupt() noexcept override {
+    {
+      const std::lock_guard lock(state_->mutex);
+      state_->interrupted = true;
+    }
+    state_->changed.notify_all();
+  }
+
+ private:
+  void Note(const std::string& what) { state_->events->push_back(state_->id + " " + what); }
+  std::shared_ptr<FakeCameraState> state_;
+};
+
+struct FakeProjectorState {
+  std::shared_ptr<EventLog> events;
+  std::optional<Reason> fail_pulse;
+  std::chrono::microseconds max_on{50000};
+  std::chrono::microseconds width{0};  ///< of the last pulse
+  int pulses = 0;
+  bool lit = false;
+};
+
+class FakeProjector final : public Projector {
+ public:
+  explicit FakeProjector(std::shared_ptr<FakeProjectorState> state) : state_(std::move(state)) {}
+  ~FakeProjector() override { state_->lit = false; }
+  void Pulse(std::chrono::microseconds width) override {
+    if (width > state_->max_on) throw std::invalid_argument("pulse too long");
+    state_->events->push_back("projector pulse");
+    state_->lit = true;
+    state_->width = width;
+    ++state_->pulses;
+    state_->lit = false;
+    if (state_->fail_pulse) throw DeviceError(*state_->fail_pulse, "projector", "pulse", "fails on request");
+  }
+
+ private:
+  std::shared_ptr<FakeProjectorState> state_;
+};
+
+}  // namespace granary
