@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <vector>
 
 #include <opencv2/core/mat.hpp>
 
@@ -27,12 +27,12 @@ struct AggregateOptions {
 /// S(p, d) for every pixel and disparity, disparity fastest. Slots beyond `count` are padding and never hold the least.
 struct CostSums {
   int width = 0, height = 0, count = 0, stride = 0;
-  std::unique_ptr<std::uint16_t[]> sums;
+  std::vector<std::uint16_t> sums;
   [[nodiscard]] std::uint16_t* At(int y, int x) {
-    return sums.get() + (static_cast<std::size_t>(y) * width + x) * stride;
+    return sums.data() + (static_cast<std::size_t>(y) * width + x) * stride;
   }
   [[nodiscard]] const std::uint16_t* At(int y, int x) const {
-    return sums.get() + (static_cast<std::size_t>(y) * width + x) * stride;
+    return sums.data() + (static_cast<std::size_t>(y) * width + x) * stride;
   }
 };
 
