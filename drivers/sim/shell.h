@@ -1,7 +1,6 @@
 // What stands in the simulated scene besides grain: walls, rim, pillars, floor and the ground outside.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include <Eigen/Core>

@@ -1,8 +1,13 @@
 #include "drivers/sim/scene.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <random>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -101,7 +106,7 @@ class SceneTruth : public testing::TestWithParam<SceneCase> {
 };
 
 INSTANTIATE_TEST_SUITE_P(Bins, SceneTruth, testing::ValuesIn(SceneCases()),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& bin) { return std::string(bin.param.name); });
 
 TEST_P(SceneTruth, ProjectsBackToThePixel) {
   ForRandomPixels(400, [&](Side side, const cv::Point2d& pixel, const SeenPoint& seen) {
@@ -303,7 +308,7 @@ TEST(SimScene, HidesTheFloorBehindTheNearWall) {
 }
 
 TEST(SimScene, LeavesTheProjectorsShadowToAmbientLight) {
-  SimScene scene({}, SmallWarehouseWorld());  // 19 litres in the bay: a bare floor with pillars
+  SimScene scene({}, SmallLabWorld());  // the box throws a shadow on the ground beside it
   const FramePair lit = scene.Render(1), dark = scene.Render(1, false);
   int shadowed = 0;
   for (int y = 4; y < 508; ++y) {
