@@ -1,0 +1,76 @@
+// A device in trouble is closed whole and opened anew: half-reset cameras are the ones that never come back.
+#include "daemon/rig_slot.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace granary {
+
+std::chrono::seconds ReopenDelay(int failures) {
+  if (failures <= 0) return std::chrono::seconds{0};
+  return std::chrono::seconds{failures > 6 ? 60 : std::min(60, 1 << (failures - 1))};
+}
+
+RigSlot::RigSlot(RigPlan plan, RigOpener open, Clock& clock)
+    : plan_(std::move(plan)), open_(std::move(open)), clock_(clock) {}
+
+FramePair RigSlot::Capture() {
+  if (!rig_) {
+    if (clock_.Steady() < not_before_)
+      throw DeviceError(reason_, "rig " + plan_.options.name, "closed after", trouble_);
+    Open();
+  }
+  try {
+    FramePair pair = rig_->CapturePair();
+    failures_ = 0;
+    trouble_.clear();
+    return pair;
+  } catch (const DeviceError& error) {
+    Fail(error.reason(), error.what());
+    throw;
+  }
+}
+
+bool RigSlot::ReopenIfDue() {
+  if (rig_ || failures_ == 0 || clock_.Steady() < not_before_) return false;
+  try {
+    Open();
+    return true;
+  } catch (const DeviceError&) {
+    return false;  // Open has noted it
+  }
+}
+
+void RigSlot::Open() {
+  try {
+    Rig rig = open_(plan_.options, plan_.world);
+    const std::scoped_lock lock(mutex_);
+    rig_.emplace(std::move(rig));
+  } catch (const DeviceError& error) {
+    Fail(error.reason(), error.what());
+    throw;
+  }
+}
+
+void RigSlot::Fail(Reason reason, const std::string& words) {
+  Close();
+  reason_ = reason;
+  trouble_ = words;
+  not_before_ = clock_.Steady() + ReopenDelay(++failures_);
+}
+
+void RigSlot::Close() noexcept {
+  std::optional<Rig> closing;
+  {
+    const std::scoped_lock lock(mutex_);
+    closing.swap(rig_);
+  }
+}
+
+void RigSlot::Interrupt() noexcept {
+  const std::scoped_lock lock(mutex_);
+  if (rig_) rig_->Interrupt();
+}
+
+}  // namespace granary

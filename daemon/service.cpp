@@ -1,0 +1,202 @@
+// One loop on the main thread: signals, a wake-up from the workers, and a tick each second that carries the proof of
+// life from the workers to the heartbeat and to systemd.
+#include "daemon/service.h"
+
+#include <poll.h>
+#include <spdlog/spdlog.h>
+#include <sys/eventfd.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <system_error>
+#include <utility>
+
+#include "daemon/log.h"
+#include "daemon/modbus/server.h"
+#include "daemon/systemd.h"
+#include "daemon/worker.h"
+
+namespace granary {
+namespace {
+
+sigset_t OurSignals() {
+  sigset_t set;
+  sigemptyset(&set);
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&set, signal);
+  return set;
+}
+
+FileDescriptor Checked(int descriptor, const char* operation) {
+  if (descriptor < 0) throw std::system_error(errno, std::generic_category(), operation);
+  return FileDescriptor(descriptor);
+}
+
+bool SameListener(const ModbusTcpOptions& a, const ModbusTcpOptions& b) { return a.host == b.host && a.port == b.port; }
+
+}  // namespace
+
+void BlockSignals() {
+  const sigset_t set = OurSignals();
+  if (pthread_sigmask(SIG_BLOCK, &set, nullptr) != 0)
+    throw std::system_error(errno, std::generic_category(), "sigmask");
+}
+
+/// One configuration at work. The order matters: workers end before the server that they publish to.
+struct Service::Running {
+  std::string log_level;
+  ModbusTcpOptions modbus_tcp;
+  FileDescriptor listener;
+  std::unique_ptr<ModbusServer> server;
+  std::vector<std::unique_ptr<Worker>> workers;
+
+  void Stop() {
+    for (auto& worker : workers) worker->RequestStop();
+    for (auto& worker : workers) worker->Stop();
+  }
+  [[nodiscard]] Worker* Find(int bin) const {
+    const auto found = std::find_if(workers.begin(), workers.end(),
+                                    [&](const auto& worker) { return worker->monitor().setup().bin.id == bin; });
+    return found == workers.end() ? nullptr : found->get();
+  }
+};
+
+Service::Service(ServiceOptions options, Records& records, Clock& clock, RigOpener open)
+    : options_(std::move(options)), records_(records), clock_(clock), open_(std::move(open)) {
+  const sigset_t set = OurSignals();
+  signals_ = Checked(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK), "signalfd");
+  wake_ = Checked(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK), "eventfd");
+}
+
+Service::~Service() = default;
+
+std::unique_ptr<Service::Running> Service::Build(const Running* before) {
+  const ServicePlan plan = options_.load();
+  auto next = std::make_unique<Running>();
+  next->log_level = plan.log_level;
+  next->modbus_tcp = plan.modbus_tcp;
+  // The address first: it is the quickest to be refused. An address that stays keeps its socket, so that no client
+  // meets a closed door between two configurations.
+  next->listener = before != nullptr && SameListener(before->modbus_tcp, plan.modbus_tcp)
+                       ? Checked(dup(before->listener.Get()), "dup")
+                       : ListenTcp(plan.modbus_tcp.host, plan.modbus_tcp.port);
+  std::vector<BinSetup> setups = plan.assemble();
+  std::vector<Bin> bins;
+  for (const auto& setup : setups) bins.push_back(setup.bin);
+  ModbusIdentity identity;
+  identity.version = options_.version;
+  identity.site = plan.site_name;
+  next->server = std::make_unique<ModbusServer>(Checked(dup(next->listener.Get()), "dup"), plan.modbus_tcp,
+                                                std::move(identity), bins);
+  const auto wake = [descriptor = wake_.Get()] {
+    const std::uint64_t one = 1;
+    // Only fails when the counter is full, and then the loop is awake already.
+    [[maybe_unused]] const auto written = write(descriptor, &one, sizeof one);
+  };
+  for (auto& setup : setups) {
+    next->workers.push_back(std::make_unique<Worker>(std::move(setup), records_,
+                                                     std::vector<Publisher*>{next->server.get()}, clock_, open_, wake));
+  }
+  return next;
+}
+
+void Service::Begin(Running& next, Running* before) {
+  if (before != nullptr) {
+    // Clients that meet the new server while the old workers end see the last figures, not "no measurement yet".
+    for (const auto& snapshot : Snapshots()) {
+      if (next.Find(snapshot.bin.id) != nullptr) next.server->Publish(snapshot);
+    }
+    before->Stop();
+  }
+  SetLogLevel(next.log_level);
+  for (auto& worker : next.workers) {
+    Worker* const old = before == nullptr ? nullptr : before->Find(worker->monitor().setup().bin.id);
+    worker->Start(old == nullptr ? std::nullopt : std::optional(old->monitor().Snapshot()), options_.cycles);
+  }
+  spdlog::info("Modbus TCP on {}, records and references in {}",
+               PrintHostPort({next.modbus_tcp.host, next.server->Port()}), records_.folder().string());
+  for (const auto& worker : next.workers) {
+    const BinSetup& setup = worker->monitor().setup();
+    spdlog::info("unit {}: {}{}", setup.bin.id, setup.bin.name, setup.simulated ? " (SIMULATED)" : "");
+  }
+}
+
+void Service::Reload() {
+  NotifySystemd(ReloadingState());
+  try {
+    auto next = Build(running_.get());
+    Begin(*next, running_.get());
+    running_ = std::move(next);
+    spdlog::info("the configuration was read anew and is in force");
+  } catch (const std::exception& error) {
+    spdlog::error("the configuration was read anew and refused, the old one stays in force:\n{}", error.what());
+  }
+  NotifySystemd("READY=1");
+}
+
+std::vector<BinSnapshot> Service::Snapshots() const {
+  std::vector<BinSnapshot> snapshots;
+  for (const auto& worker : running_->workers) snapshots.push_back(worker->monitor().Snapshot());
+  return snapshots;
+}
+
+void Service::Tick() {
+  bool progress = true;
+  for (const auto& worker : running_->workers) progress = worker->monitor().Supervise() && progress;
+  if (progress != progress_) {
+    if (progress) {
+      spdlog::warn("every worker makes progress again");
+    } else {
+      spdlog::critical("a worker makes no progress: the watchdog is not fed any more");
+    }
+    progress_ = progress;
+  }
+  NotifySystemd(TickState(progress, Snapshots()));
+}
+
+std::vector<BinSnapshot> Service::Run() {
+  using std::chrono::milliseconds;
+  running_ = Build(nullptr);
+  Begin(*running_, nullptr);
+  NotifySystemd("READY=1\nSTATUS=" + StatusText(Snapshots()));
+
+  constexpr std::chrono::seconds kTick{1};
+  auto next_tick = clock_.Steady() + kTick;
+  for (bool ending = false; !ending;) {
+    const auto left = std::chrono::ceil<milliseconds>(next_tick - clock_.Steady());
+    std::array<pollfd, 2> polled{{{signals_.Get(), POLLIN, 0}, {wake_.Get(), POLLIN, 0}}};
+    if (poll(polled.data(), polled.size(), static_cast<int>(std::max<std::int64_t>(0, left.count()))) < 0 &&
+        errno != EINTR) {
+      throw std::system_error(errno, std::generic_category(), "poll");
+    }
+    std::uint64_t wakes = 0;
+    [[maybe_unused]] const auto drained = read(wake_.Get(), &wakes, sizeof wakes);  // nothing there: EAGAIN
+    signalfd_siginfo signal{};
+    while (!ending && read(signals_.Get(), &signal, sizeof signal) == static_cast<ssize_t>(sizeof signal)) {
+      if (signal.ssi_signo == SIGHUP) {
+        Reload();
+      } else {
+        spdlog::info("ending on signal {}", signal.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
+        ending = true;
+      }
+    }
+    const auto& workers = running_->workers;
+    ending = ending || std::all_of(workers.begin(), workers.end(), [](const auto& worker) { return worker->Done(); });
+    if (!ending && clock_.Steady() >= next_tick) {
+      Tick();
+      // After a stall the missed ticks are not made up for: the heartbeat counts seconds of life.
+      next_tick = std::max(next_tick + kTick, clock_.Steady());
+    }
+  }
+  NotifySystemd("STOPPING=1\nSTATUS=ending");
+  running_->Stop();
+  std::vector<BinSnapshot> last = Snapshots();
+  running_.reset();
+  return last;
+}
+
+}  // namespace granary

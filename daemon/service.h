@@ -1,0 +1,68 @@
+// The process as systemd sees it: starts, reloads, supervises and ends the workers and the servers.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "daemon/bin_monitor.h"
+#include "daemon/clock.h"
+#include "daemon/modbus/socket.h"
+#include "daemon/options.h"
+#include "daemon/records.h"
+#include "daemon/rig_slot.h"
+
+namespace granary {
+
+/// Holds SIGTERM, SIGINT and SIGHUP back for the service's loop. To be called first in main: threads inherit it.
+void BlockSignals();
+
+/// One configuration, read and checked.
+struct ServicePlan {
+  std::string site_name;
+  std::string log_level = "info";
+  ModbusTcpOptions modbus_tcp;
+  /// Builds what measures; slow. Throws as AssembleBin does.
+  std::function<std::vector<BinSetup>()> assemble;
+};
+
+struct ServiceOptions {
+  std::string version;
+  std::uint64_t cycles = 0;           ///< end by itself after so many of every bin; 0: never
+  std::function<ServicePlan()> load;  ///< reads the configuration; throws with everything that is wrong with it
+};
+
+/// Everything is called from the main thread.
+class Service {
+ public:
+  /// @param records, clock borrowed
+  Service(ServiceOptions options, Records& records, Clock& clock, RigOpener open);
+  ~Service();
+
+  /// Starts, and returns when a signal or the end of the cycles ends the service: workers joined, projectors off.
+  /// SIGHUP reads the configuration anew and swaps it whole; with any fault in it the old one keeps running.
+  /// @return the last snapshot of every bin
+  /// @throws whatever `load`, `assemble` and the server throw at the start
+  std::vector<BinSnapshot> Run();
+
+ private:
+  struct Running;
+
+  [[nodiscard]] std::unique_ptr<Running> Build(const Running* before);
+  void Begin(Running& next, Running* before);
+  void Reload();
+  void Tick();
+  [[nodiscard]] std::vector<BinSnapshot> Snapshots() const;
+
+  ServiceOptions options_;
+  Records& records_;
+  Clock& clock_;
+  RigOpener open_;
+  FileDescriptor signals_, wake_;
+  bool progress_ = true;
+  std::unique_ptr<Running> running_;
+};
+
+}  // namespace granary

@@ -1,0 +1,155 @@
+// The JSON record is the truth; the other columns only help to find it.
+#include "daemon/store.h"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "daemon/record_json.h"
+
+namespace granary {
+namespace {
+
+constexpr int kSchemaVersion = 1;
+constexpr int kBusyTimeout_ms = 5000;  // a reader of another process holds the file for milliseconds
+
+std::filesystem::path MakeFolder(const std::filesystem::path& folder, Store::Access access) {
+  std::error_code error;
+  if (access == Store::Access::kWrite) std::filesystem::create_directories(folder, error);
+  if (error) throw StoreError("store " + folder.string() + ": create folder: " + error.message());
+  return folder / "records.sqlite";
+}
+
+Measurement Parse(const std::string& text) {
+  try {
+    return RecordFromJson(nlohmann::ordered_json::parse(text));
+  } catch (const nlohmann::json::exception& error) {
+    throw std::invalid_argument(error.what());
+  }
+}
+
+}  // namespace
+
+std::filesystem::path StateFolder() {
+  // With several StateDirectory= entries systemd joins them with colons; ours is the first.
+  const char* const value = std::getenv("STATE_DIRECTORY");
+  const std::string folders = value == nullptr ? "" : value;
+  const std::string first = folders.substr(0, folders.find(':'));
+  return first.empty() ? std::filesystem::path("/var/lib/granaryd") : std::filesystem::path(first);
+}
+
+struct Store::Impl {
+  std::filesystem::path file;
+  SQLite::Database db;
+
+  Impl(const std::filesystem::path& folder, Access access)
+      : file(MakeFolder(folder, access)),
+        db(file.string(),
+           access == Access::kWrite ? SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE : SQLite::OPEN_READONLY,
+           kBusyTimeout_ms) {}
+
+  void Prepare() {
+    db.exec("PRAGMA journal_mode = WAL");
+    db.exec("PRAGMA synchronous = FULL");  // one row a cycle: losing none in a power cut costs nothing
+    SQLite::Transaction transaction(db);
+    db.exec("CREATE TABLE IF NOT EXISTS schema (version INTEGER NOT NULL)");
+    if (db.execAndGet("SELECT count(*) FROM schema").getInt() == 0) {
+      db.exec("INSERT INTO schema VALUES (" + std::to_string(kSchemaVersion) + ")");
+      db.exec(
+          "CREATE TABLE measurements (id INTEGER PRIMARY KEY, bin INTEGER NOT NULL, sequence INTEGER NOT NULL,"
+          " utc_ns INTEGER NOT NULL, valid INTEGER NOT NULL, record TEXT NOT NULL)");
+      db.exec("CREATE INDEX measurements_by_bin ON measurements (bin, valid, id)");
+      db.exec("CREATE INDEX measurements_by_sequence ON measurements (bin, sequence)");
+    }
+    transaction.commit();
+  }
+
+  void CheckVersion() {
+    const int version = db.execAndGet("SELECT max(version) FROM schema").getInt();
+    if (version != kSchemaVersion) {
+      throw StoreError("store " + file.string() + ": its schema is version " + std::to_string(version) +
+                       ", this program knows version " + std::to_string(kSchemaVersion));
+    }
+  }
+};
+
+namespace {
+
+/// Runs `work`; SQLite's exceptions and damaged records come out as StoreError.
+template <typename Work>
+auto Guarded(const std::filesystem::path& file, const char* operation, Work work) {
+  try {
+    return work();
+  } catch (const SQLite::Exception& error) {
+    throw StoreError("store " + file.string() + ": " + operation + ": " + error.what());
+  } catch (const std::invalid_argument& error) {
+    throw StoreError("store " + file.string() + ": " + operation + ": damaged record: " + error.what());
+  }
+}
+
+}  // namespace
+
+Store::Store(const std::filesystem::path& folder, Access access) {
+  Guarded(folder / "records.sqlite", "open", [&] {
+    impl_ = std::make_unique<Impl>(folder, access);
+    if (access == Access::kWrite) impl_->Prepare();
+    impl_->CheckVersion();
+  });
+}
+
+Store::~Store() = default;
+
+void Store::Append(const Measurement& measurement) {
+  const std::scoped_lock lock(mutex_);
+  Guarded(impl_->file, "append", [&] {
+    SQLite::Statement insert(impl_->db,
+                             "INSERT INTO measurements (bin, sequence, utc_ns, valid, record) VALUES (?, ?, ?, ?, ?)");
+    insert.bind(1, measurement.bin);
+    insert.bind(2, static_cast<std::int64_t>(measurement.sequence));
+    insert.bind(3, static_cast<std::int64_t>(measurement.utc.time_since_epoch().count()));
+    insert.bind(4, measurement.valid ? 1 : 0);
+    insert.bind(5, RecordLine(measurement));
+    insert.exec();
+  });
+}
+
+std::optional<Measurement> Store::LastGood(int bin) const {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "read", [&]() -> std::optional<Measurement> {
+    SQLite::Statement query(impl_->db,
+                            "SELECT record FROM measurements WHERE bin = ? AND valid = 1 ORDER BY id DESC LIMIT 1");
+    query.bind(1, bin);
+    if (!query.executeStep()) return std::nullopt;
+    return Parse(query.getColumn(0).getString());
+  });
+}
+
+std::uint64_t Store::LastSequence(int bin) const {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "read", [&]() -> std::uint64_t {
+    SQLite::Statement query(impl_->db, "SELECT ifnull(max(sequence), 0) FROM measurements WHERE bin = ?");
+    query.bind(1, bin);
+    query.executeStep();
+    return static_cast<std::uint64_t>(query.getColumn(0).getInt64());
+  });
+}
+
+std::vector<Measurement> Store::Last(std::size_t count, std::optional<int> bin) const {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "read", [&] {
+    SQLite::Statement query(impl_->db,
+                            "SELECT record FROM measurements WHERE ?1 IS NULL OR bin = ?1 ORDER BY id DESC LIMIT ?2");
+    if (bin) query.bind(1, *bin);  // an unbound parameter is NULL
+    query.bind(2, static_cast<std::int64_t>(count));
+    std::vector<Measurement> records;
+    while (query.executeStep()) records.push_back(Parse(query.getColumn(0).getString()));
+    std::reverse(records.begin(), records.end());
+    return records;
+  });
+}
+
+}  // namespace granary

@@ -1,0 +1,52 @@
+// The records of a site on disk: SQLite, one row a cycle.
+//
+// STATE/records.sqlite, WAL mode. Table `schema` has one row, `version` (now 1). Table `measurements`: id (order of
+// appending), bin, sequence, utc_ns (Unix time), valid (0 or 1), record (the JSON of daemon/record_json.h).
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <vector>
+
+#include "pipeline/types/measurement.h"
+
+namespace granary {
+
+/// Names the file, the operation and SQLite's own words.
+class StoreError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// $STATE_DIRECTORY where systemd set it, else /var/lib/granaryd.
+[[nodiscard]] std::filesystem::path StateFolder();
+
+/// Any thread may call any method. Several processes may have it open, one of them writing.
+class Store {
+ public:
+  enum class Access { kRead, kWrite };
+  /// Opens FOLDER/records.sqlite; kWrite creates both when absent.
+  /// @throws StoreError, also for a schema newer than this program
+  explicit Store(const std::filesystem::path& folder, Access access = Access::kWrite);
+  ~Store();
+
+  /// Safe on disk when it returns. @throws StoreError (disk full, folder gone)
+  void Append(const Measurement& measurement);
+  /// Newest valid record of `bin`. @throws StoreError
+  [[nodiscard]] std::optional<Measurement> LastGood(int bin) const;
+  /// Highest sequence of `bin`; 0 when there is none. @throws StoreError
+  [[nodiscard]] std::uint64_t LastSequence(int bin) const;
+  /// The newest `count` records, newest last, of one bin or of all. @throws StoreError
+  [[nodiscard]] std::vector<Measurement> Last(std::size_t count, std::optional<int> bin = std::nullopt) const;
+
+ private:
+  struct Impl;
+  mutable std::mutex mutex_;  // guards impl_: one SQLite connection
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace granary
