@@ -69,8 +69,12 @@ fs::path ReferenceFolder(const fs::path& state_folder, int bin_id, const std::st
 }
 
 bool HasReference(const fs::path& folder) {
-  std::error_code ignored;
-  return fs::exists(folder / kIndexName, ignored);
+  std::error_code error;
+  const fs::file_status status = fs::status(folder / kIndexName, error);
+  // A folder that may not be read is not the same as an empty one.
+  if (status.type() == fs::file_type::none)
+    throw FileError(folder / kIndexName, "cannot be looked at: " + error.message());
+  return fs::exists(status);
 }
 
 Reference LoadReference(const fs::path& folder) {

@@ -15,6 +15,7 @@ namespace granary {
 [[nodiscard]] std::filesystem::path ReferenceFolder(const std::filesystem::path& state_folder, int bin_id,
                                                     const std::string& rig);
 /// True when a reference was stored in `folder` (it may still turn out to be damaged).
+/// @throws FileError when the folder may not be read
 [[nodiscard]] bool HasReference(const std::filesystem::path& folder);
 /// The current version of `folder`, or the version whose own folder (FOLDER/<id>) is given.
 /// @throws FileError when there is none, or when it is damaged: the points must have the hash they were stored with.

@@ -1,0 +1,86 @@
+// The engineer's tool: arguments in, exit code out. 0 done, 1 failed, 2 bad usage.
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <exception>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include "daemon/ctl/command.h"
+
+namespace granary {
+
+void PrintJson(const nlohmann::ordered_json& document) {
+  std::cout << document.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
+}
+
+void Say(const std::string& line) { std::cerr << line << '\n'; }
+
+namespace {
+
+int End(int code, const std::string& words, bool json) {
+  Say("granaryctl: " + words);
+  if (json) PrintJson({{"error", words}});
+  return code;
+}
+
+int RunCommand(const Command& command, bool json) {
+  try {
+    return command();
+  } catch (const UsageError& error) {
+    return End(kBadUsage, error.what(), json);
+  } catch (const std::exception& error) {
+    return End(kFailed, error.what(), json);
+  }
+}
+
+int Main(int argc, char** argv) {
+  // Drivers log; standard output belongs to the JSON document.
+  spdlog::set_default_logger(std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::stderr_sink_mt>()));
+  spdlog::set_pattern("%l: %v");
+  spdlog::set_level(spdlog::level::warn);
+
+  CLI::App app("Measures, prepares and inspects the bins of a granary, with or without the daemon.", "granaryctl");
+  GlobalOptions global;
+  Command chosen;
+  app.add_option("-c,--config", global.config, "configuration file")->capture_default_str();
+  app.add_option("--bin", global.bin, "id of the bin; needed where there are several");
+  app.add_flag("--json", global.json, "print one JSON document on standard output");
+  app.set_version_flag("--version", std::string("granaryctl " GRANARY_VERSION));
+  app.require_subcommand(1);
+  app.fallthrough();  // the global options may also follow the command
+  AddMeasure(app, global, chosen);
+  AddReference(app, global, chosen);
+  AddDisparity(app, global, chosen);
+  AddSnapshot(app, global, chosen);
+  AddHistory(app, global, chosen);
+  AddRegisters(app, global, chosen);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // help or version, as asked
+    // The parser may have stopped before it came to --json.
+    const bool json =
+        std::any_of(argv + 1, argv + argc, [](const char* text) { return text == std::string_view("--json"); });
+    Say("Run granaryctl --help, or granaryctl COMMAND --help.");
+    return End(kBadUsage, error.what(), json);
+  }
+  const int code = RunCommand(chosen, global.json);
+  std::cout.flush();
+  if (!std::cout) {
+    Say("granaryctl: standard output cannot be written");
+    return kFailed;
+  }
+  return code;
+}
+
+}  // namespace
+}  // namespace granary
+
+int main(int argc, char** argv) { return granary::Main(argc, argv); }

@@ -1,0 +1,109 @@
+// granaryctl measure: one full measurement, printed and if wished saved with all its intermediates. It publishes
+// nothing and stores no record.
+#include <CLI/CLI.hpp>
+
+#include <sys/resource.h>
+
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "daemon/ctl/command.h"
+#include "daemon/ctl/save_run.h"
+#include "daemon/ctl/setup.h"
+#include "daemon/ctl/summary.h"
+#include "daemon/record_json.h"
+#include "pipeline/reference_file.h"
+
+namespace granary {
+namespace {
+
+struct MeasureArguments {
+  FrameFiles files;
+  std::optional<double> threshold_m;
+  std::string rig;
+  std::string save;
+};
+
+/// What the rig's grain is measured against; empty when there is nothing, and the pipeline says what that costs.
+std::optional<Reference> ReferenceFor(const ChosenBin& bin, std::size_t index, bool from_files) {
+  const ChosenRig& rig = bin.rigs[index];
+  const auto folder = ReferenceFolderOf(bin, rig);
+  const bool simulator = rig.Simulated() && !from_files;
+  if (HasReference(folder)) {
+    Reference stored = LoadReference(folder);
+    const bool fits = stored.rig_hash == HashOfRig(rig.setup.calibration, rig.setup.world_from_left);
+    if (fits && stored.simulated && !simulator) {
+      Say("rig " + rig.options.name + ": warning: reference " + stored.id + " is of the simulator, the frames are not");
+    }
+    if (fits) return stored;
+    if (!simulator) {
+      throw std::runtime_error("rig " + rig.options.name + ": reference " + stored.id + " in " + folder.string() +
+                               " was taken with another calibration or pose; take it again");
+    }
+  }
+  if (!simulator) return std::nullopt;
+  Say("rig " + rig.options.name +
+      ": no reference is stored; taking one of the simulator's empty bin, for this time only");
+  const Pipeline pipeline(bin.config.bin, bin.Setups(), bin.config.pipeline);
+  auto run = pipeline.TakeReference(index, CapturePair(bin, rig, true));
+  if (!run.reference) {
+    throw std::runtime_error("rig " + rig.options.name + ": no reference: " + std::string(InfoOf(run.reason).name) +
+                             ": " + run.detail);
+  }
+  return std::move(run.reference);
+}
+
+/// Peak resident memory of this process, MiB.
+double PeakRss_mib() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
+  ChosenBin bin = ChooseBin(global, arguments.rig);
+  if (arguments.threshold_m) bin.config.pipeline.surface.edge_threshold_m = arguments.threshold_m;
+  for (const std::string& fault : Faults(bin.config.pipeline.surface)) throw UsageError("--threshold: " + fault);
+
+  std::vector<RigSetup> setups = bin.Setups();
+  for (std::size_t i = 0; i < setups.size(); ++i) {
+    setups[i].reference = ReferenceFor(bin, i, !arguments.files.frames.empty());
+  }
+  const double start_ms = SteadyMilliseconds();
+  const std::vector<FramePair> pairs = TakePairs(bin, arguments.files);
+  const double capture_ms = SteadyMilliseconds() - start_ms;
+
+  const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
+  for (const std::string& note : pipeline.Notes()) Say(note);
+  PipelineRun run = pipeline.Run(pairs, bin.config.inventory, SteadyMilliseconds);
+  Measurement& record = run.measurement;
+  record.timings_ms.capture = capture_ms;
+  record.timings_ms.total += capture_ms;
+  record.peak_rss_mib = PeakRss_mib();
+
+  if (!arguments.save.empty()) SaveRun(arguments.save, bin, run);
+  Say(Summary(record, bin.config.bin));
+  if (global.json) PrintJson(RecordToJson(record));
+  return record.valid ? kDone : kFailed;
+}
+
+}  // namespace
+
+void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen) {
+  const auto arguments = std::make_shared<MeasureArguments>();
+  CLI::App* command = app.add_subcommand("measure", "one full measurement; never published");
+  command
+      ->add_option("--frames", arguments->files.frames, "left and right picture of each rig, in place of its cameras")
+      ->type_name("L R");
+  command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
+  command->add_option("--threshold", arguments->threshold_m, "longest edge of a triangle, metres")->type_name("M");
+  command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
+  command->add_option("--save", arguments->save, "write every intermediate there")->type_name("DIR");
+  command->callback([=, &global, &chosen] { chosen = [=, &global] { return Measure(global, *arguments); }; });
+}
+
+}  // namespace granary

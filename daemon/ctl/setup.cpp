@@ -1,0 +1,117 @@
+// The commands work on one bin: found here once, with everything that may be wrong about it said in one place.
+#include "daemon/ctl/setup.h"
+
+#include <algorithm>
+#include <chrono>
+#include <string>
+#include <utility>
+
+#include "daemon/store.h"
+#include "drivers/rig.h"
+#include "pipeline/calibration_file.h"
+#include "pipeline/frame_file.h"
+#include "pipeline/reference_file.h"
+
+namespace granary {
+namespace {
+
+/// "1, 2, 3".
+template <typename Items, typename Text>
+std::string Listed(const Items& items, Text&& text) {
+  std::string list;
+  for (const auto& item : items) list += (list.empty() ? "" : ", ") + text(item);
+  return list;
+}
+
+BinConfig PickBin(const Config& config, const std::optional<int>& id) {
+  const std::string known = Listed(config.bins, [](const BinConfig& bin) { return std::to_string(bin.bin.id); });
+  if (!id) {
+    if (config.bins.size() == 1) return config.bins.front();
+    throw UsageError("--bin is needed: " + config.file.string() + " has the bins " + known);
+  }
+  const auto found =
+      std::find_if(config.bins.begin(), config.bins.end(), [&](const auto& bin) { return bin.bin.id == *id; });
+  if (found == config.bins.end()) {
+    throw UsageError("--bin " + std::to_string(*id) + ": " + config.file.string() + " has " +
+                     (config.bins.size() == 1 ? "only bin " : "the bins ") + known);
+  }
+  return *found;
+}
+
+std::vector<RigOptions> PickRigs(const BinConfig& bin, const std::string& name) {
+  if (name.empty()) return bin.rigs;
+  const auto found = std::find_if(bin.rigs.begin(), bin.rigs.end(), [&](const auto& rig) { return rig.name == name; });
+  if (found == bin.rigs.end()) {
+    throw UsageError("--rig " + name + ": bin " + std::to_string(bin.bin.id) + " has " +
+                     Listed(bin.rigs, [](const RigOptions& rig) { return rig.name; }));
+  }
+  return {*found};
+}
+
+std::string Rigs(std::size_t count) { return std::to_string(count) + (count == 1 ? " rig" : " rigs"); }
+
+}  // namespace
+
+bool ChosenRig::Simulated() const {
+  return options.left.driver == CameraDriver::kSim && options.right.driver == CameraDriver::kSim;
+}
+
+std::vector<RigSetup> ChosenBin::Setups() const {
+  std::vector<RigSetup> setups;
+  for (const ChosenRig& rig : rigs) setups.push_back(rig.setup);
+  return setups;
+}
+
+ChosenBin ChooseBin(const GlobalOptions& global, const std::string& rig) {
+  ChosenBin chosen;
+  chosen.config = PickBin(LoadConfig(global.config), global.bin);
+  for (RigOptions& options : PickRigs(chosen.config, rig)) {
+    ChosenRig& added = chosen.rigs.emplace_back();
+    added.setup.name = options.name;
+    added.setup.calibration = LoadStereoCalibration(options.calibration);
+    added.setup.world_from_left = LoadWorldFromLeft(options.pose);
+    added.options = std::move(options);
+  }
+  return chosen;
+}
+
+std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files) {
+  std::vector<FramePair> pairs;
+  if (files.frames.empty()) {
+    if (!files.ambient.empty()) throw UsageError("--ambient goes with --frames");
+    for (const ChosenRig& rig : bin.rigs) pairs.push_back(CapturePair(bin, rig, false));
+    return pairs;
+  }
+  if (files.frames.size() != 2 * bin.rigs.size()) {
+    throw UsageError("--frames: " + std::to_string(files.frames.size()) + " files for " + Rigs(bin.rigs.size()) +
+                     "; left and right of each rig are wanted (--rig NAME picks one rig)");
+  }
+  if (!files.ambient.empty() && files.ambient.size() != files.frames.size()) {
+    throw UsageError("--ambient: as many files as --frames are wanted");
+  }
+  const UtcTime now(std::chrono::system_clock::now());
+  for (std::size_t i = 0; i < files.frames.size(); i += 2) {
+    pairs.push_back(files.ambient.empty()
+                        ? LoadFramePair(files.frames[i], files.frames[i + 1])
+                        : LoadFramePair(files.frames[i], files.frames[i + 1], files.ambient[i], files.ambient[i + 1]));
+    pairs.back().left.exposure_start = pairs.back().right.exposure_start = now;
+  }
+  return pairs;
+}
+
+FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin) {
+  Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing a pair" +
+      (rig.Simulated() ? empty_bin ? " (simulated, the bin without grain)" : " (simulated)" : ""));
+  Rig opened = OpenRig(rig.options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left, empty_bin});
+  return opened.CapturePair();
+}
+
+std::filesystem::path ReferenceFolderOf(const ChosenBin& bin, const ChosenRig& rig) {
+  return ReferenceFolder(StateFolder(), bin.config.bin.id, rig.options.name);
+}
+
+double SteadyMilliseconds() {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace granary

@@ -1,0 +1,55 @@
+// From the global options to bins, rigs and frames.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/config.h"
+#include "daemon/ctl/command.h"
+#include "pipeline/pipeline.h"
+
+namespace granary {
+
+/// A rig of the chosen bin with its calibration and pose read.
+struct ChosenRig {
+  RigOptions options;
+  RigSetup setup;  ///< without its reference
+  [[nodiscard]] bool Simulated() const;
+};
+
+/// One bin of the configuration and the rigs asked for.
+struct ChosenBin {
+  BinConfig config;
+  std::vector<ChosenRig> rigs;
+  [[nodiscard]] std::vector<RigSetup> Setups() const;
+};
+
+/// Reads the configuration, and calibration and pose of the rigs.
+/// @param rig empty: all rigs of the bin
+/// @throws ConfigError, FileError; UsageError when no bin, or no rig, or several bins, fit the options
+[[nodiscard]] ChosenBin ChooseBin(const GlobalOptions& global, const std::string& rig);
+
+/// `--frames` and `--ambient`: two files a rig, left before right.
+struct FrameFiles {
+  std::vector<std::filesystem::path> frames;
+  std::vector<std::filesystem::path> ambient;  ///< as many, or none
+};
+
+/// One pair for each rig: from the files when there are any, else from the cameras, one rig after the other.
+/// Files are given the time at which they are read, as a replay camera would: they do not tell when they were taken.
+/// @throws UsageError when the files do not fit the rigs; FileError, DeviceError
+[[nodiscard]] std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files);
+
+/// One pair from the rig's own cameras. @param empty_bin a simulated rig shows the bin without grain
+[[nodiscard]] FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin);
+
+/// Where the rig's reference is stored.
+[[nodiscard]] std::filesystem::path ReferenceFolderOf(const ChosenBin& bin, const ChosenRig& rig);
+
+/// Milliseconds of a clock that only goes forward.
+[[nodiscard]] double SteadyMilliseconds();
+
+}  // namespace granary
