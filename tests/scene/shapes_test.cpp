@@ -1,0 +1,81 @@
+// The six shapes of the paper's study, ten noise seeds each, at one fixed setting (METHOD §8).
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "tests/scene/simulated_bin.h"
+
+namespace granary {
+namespace {
+
+struct Case {
+  SimShape shape;
+  const char* name;
+};
+
+class SixShapes : public testing::TestWithParam<Case> {};
+
+TEST_P(SixShapes, TenSeedsStayWithinThePapersFigures) {
+  SimOptions options;
+  options.shape = GetParam().shape;
+  const RigWorld world = SimulatedLab();
+  const Pipeline pipeline = CommissionedPipeline(world, options);
+  std::vector<double> volumes_m3;
+  double truth_m3 = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    options.seed = seed;
+    SimScene scene(options, world);
+    truth_m3 = scene.TruthVolume_m3();
+    const Measurement m = pipeline.Run({scene.Render(seed)}, {}).measurement;
+    ASSERT_TRUE(m.valid) << m.detail;
+    EXPECT_TRUE(m.simulated);
+    EXPECT_NEAR(*m.volume_m3, truth_m3, *m.volume_u95_m3) << "the stated uncertainty does not hold, seed " << seed;
+    volumes_m3.push_back(*m.volume_m3);
+  }
+  const ErrorStatistics error = Summarise(volumes_m3, truth_m3);
+  std::printf("%-13s mean %+.4f %%  worst %.4f %%  RSD %.4f %%\n", GetParam().name, error.mean_percent,
+              error.worst_percent, error.rsd_percent);
+  // The paper's figures: mean error below 0.5 %, any error below 1.5 %, repeatability below 0.6 %.
+  EXPECT_LT(std::abs(error.mean_percent), 0.5);
+  EXPECT_LT(error.worst_percent, 1.5);
+  EXPECT_LT(error.rsd_percent, 0.6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Paper, SixShapes,
+                         testing::Values(Case{SimShape::kFlat, "flat"}, Case{SimShape::kTiltedLeft, "tilted_left"},
+                                         Case{SimShape::kTiltedRight, "tilted_right"}, Case{SimShape::kConvex, "convex"},
+                                         Case{SimShape::kConcave, "concave"}, Case{SimShape::kPartial, "partial"}),
+                         [](const auto& instance) { return instance.param.name; });
+
+TEST(SimulatedLamp, DarkProjectorGivesAReasonAndNoNumber) {
+  SimOptions options;
+  options.projector_works = false;
+  const RigWorld world = SimulatedLab();
+  const Pipeline pipeline = CommissionedPipeline(world, SimOptions{});
+  const Measurement m = pipeline.Run({SimScene(options, world).Render(0)}, {}).measurement;
+  EXPECT_FALSE(m.valid);
+  EXPECT_EQ(m.reason, Reason::kProjectorDark) << m.detail;
+  EXPECT_FALSE(m.volume_m3.has_value());
+}
+
+TEST(SimulatedCameras, ExchangedSidesAreNamed) {
+  const RigWorld world = SimulatedLab();
+  const Pipeline pipeline = CommissionedPipeline(world, SimOptions{});
+  FramePair pair = SimScene(SimOptions{}, world).Render(0);
+  std::swap(pair.left, pair.right);
+  const Measurement m = pipeline.Run({pair}, {}).measurement;
+  EXPECT_FALSE(m.valid);
+  EXPECT_EQ(m.reason, Reason::kSidesSwapped) << m.detail;
+}
+
+TEST(SimulatedBin, EmptyBinMeasuresZeroWithinItsUncertainty) {
+  RigWorld world = SimulatedLab();
+  const Pipeline pipeline = CommissionedPipeline(world, SimOptions{});
+  world.empty_bin = true;
+  const Measurement m = pipeline.Run({SimScene(SimOptions{}, world).Render(3)}, {}).measurement;
+  ASSERT_TRUE(m.valid) << m.detail;
+  EXPECT_NEAR(*m.volume_m3, 0, *m.volume_u95_m3);
+}
+
+}  // namespace
+}  // namespace granary
