@@ -22,7 +22,8 @@ void AppendBits(const float* centre, const float* neighbour, int width, int bit,
 
 CensusImage CensusTransform(const cv::Mat& grey, int window_width, int window_height) {
   if (grey.type() != CV_32FC1) throw std::invalid_argument("census: the picture must be CV_32FC1");
-  if (window_width % 2 == 0 || window_height % 2 == 0 || CensusBits(window_width, window_height) > 62) {
+  if (window_width < 1 || window_height < 1 || window_width % 2 == 0 || window_height % 2 == 0 ||
+      CensusBits(window_width, window_height) > 62) {
     throw std::invalid_argument("census: the window must be odd and at most 9x7");
   }
   const int rx = window_width / 2, ry = window_height / 2;
