@@ -170,6 +170,7 @@ void BinMonitor::Idle(std::optional<UtcTime> next_at) {
 
 void BinMonitor::Close() noexcept {
   for (auto& slot : slots_) slot.Close();
+  progress_.Rest();
 }
 
 bool BinMonitor::Supervise() {

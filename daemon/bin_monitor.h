@@ -53,7 +53,7 @@ class BinMonitor {
   bool RunCycle(const std::stop_token& stop);
   /// What there is to do between cycles, every second or so: reopens rigs, keeps the promise of progress.
   void Idle(std::optional<UtcTime> next_at);
-  /// Lets go of the devices.
+  /// Lets go of the devices; the end of the worker, and no hang.
   void Close() noexcept;
 
   /// Called once a second by the supervising loop: while the worker makes progress the heartbeat goes on.

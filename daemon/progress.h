@@ -18,6 +18,8 @@ class Progress {
   using Time = std::chrono::steady_clock::time_point;
   /// "You hear from me before now + deadline"; replaces the promise before.
   void Promise(Time now, std::chrono::milliseconds deadline) { until_ = now + deadline; }
+  /// There is nothing more to be heard of.
+  void Rest() { until_ = Time::max(); }
   /// False from the moment the last promise is broken until the next one; true before the first.
   [[nodiscard]] bool Kept(Time now) const { return now <= until_.load(); }
 

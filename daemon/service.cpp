@@ -104,14 +104,7 @@ std::unique_ptr<Service::Running> Service::Build(const Running* before) {
   return next;
 }
 
-void Service::Begin(Running& next, Running* before) {
-  if (before != nullptr) {
-    // Clients that meet the new server while the old workers end see the last figures, not "no measurement yet".
-    for (const auto& snapshot : Snapshots()) {
-      if (next.Find(snapshot.bin.id) != nullptr) next.server->Publish(snapshot);
-    }
-    before->Stop();
-  }
+void Service::Begin(Running& next, const Running* before) {
   SetLogLevel(next.log_level);
   for (auto& worker : next.workers) {
     Worker* const old = before == nullptr ? nullptr : before->Find(worker->monitor().setup().bin.id);
@@ -125,10 +118,27 @@ void Service::Begin(Running& next, Running* before) {
   }
 }
 
-void Service::Reload() {
+void Service::BeginReload() {
+  if (reloading_.valid()) {
+    reload_again_ = true;
+    return;
+  }
   NotifySystemd(ReloadingState());
-  try {
+  // On a thread of its own: reading and building take seconds, in which the watchdog wants its food.
+  reloading_ = std::async(std::launch::async, [this] {
     auto next = Build(running_.get());
+    // Clients that meet the new server while the old workers end see the last figures, not "no measurement yet".
+    for (const auto& snapshot : Snapshots()) {
+      if (next->Find(snapshot.bin.id) != nullptr) next->server->Publish(snapshot);
+    }
+    running_->Stop();
+    return next;
+  });
+}
+
+void Service::EndReload() {
+  try {
+    auto next = reloading_.get();
     Begin(*next, running_.get());
     running_ = std::move(next);
     spdlog::info("the configuration was read anew and is in force");
@@ -136,6 +146,7 @@ void Service::Reload() {
     spdlog::error("the configuration was read anew and refused, the old one stays in force:\n{}", error.what());
   }
   NotifySystemd("READY=1");
+  if (std::exchange(reload_again_, false)) BeginReload();
 }
 
 std::vector<BinSnapshot> Service::Snapshots() const {
@@ -178,12 +189,13 @@ std::vector<BinSnapshot> Service::Run() {
     signalfd_siginfo signal{};
     while (!ending && read(signals_.Get(), &signal, sizeof signal) == static_cast<ssize_t>(sizeof signal)) {
       if (signal.ssi_signo == SIGHUP) {
-        Reload();
+        BeginReload();
       } else {
         spdlog::info("ending on signal {}", signal.ssi_signo == SIGTERM ? "SIGTERM" : "SIGINT");
         ending = true;
       }
     }
+    if (!ending && reloading_.valid() && reloading_.wait_for(milliseconds{0}) == std::future_status::ready) EndReload();
     const auto& workers = running_->workers;
     ending = ending || std::all_of(workers.begin(), workers.end(), [](const auto& worker) { return worker->Done(); });
     if (!ending && clock_.Steady() >= next_tick) {
@@ -193,6 +205,7 @@ std::vector<BinSnapshot> Service::Run() {
     }
   }
   NotifySystemd("STOPPING=1\nSTATUS=ending");
+  if (reloading_.valid()) reloading_.wait();  // it may be stopping the same workers
   running_->Stop();
   std::vector<BinSnapshot> last = Snapshots();
   running_.reset();

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <future>
 #include <memory>
 #include <string>
 #include <vector>
@@ -51,8 +52,9 @@ class Service {
   struct Running;
 
   [[nodiscard]] std::unique_ptr<Running> Build(const Running* before);
-  void Begin(Running& next, Running* before);
-  void Reload();
+  void Begin(Running& next, const Running* before);
+  void BeginReload();
+  void EndReload();
   void Tick();
   [[nodiscard]] std::vector<BinSnapshot> Snapshots() const;
 
@@ -63,6 +65,8 @@ class Service {
   FileDescriptor signals_, wake_;
   bool progress_ = true;
   std::unique_ptr<Running> running_;
+  bool reload_again_ = false;
+  std::future<std::unique_ptr<Running>> reloading_;  // last: its thread uses what stands above
 };
 
 }  // namespace granary

@@ -8,12 +8,17 @@
 #include <chrono>
 #include <cstring>
 
+#include "daemon/fault_log.h"
 #include "daemon/record_json.h"
 
 namespace granary {
 
 void NotifySystemd(const std::string& state) {
-  if (const int result = sd_notify(0, state.c_str()); result < 0) {
+  static FaultLog fault_log;
+  const int result = sd_notify(0, state.c_str());
+  if (result >= 0) {
+    fault_log.Clear();
+  } else if (fault_log.Raise(std::strerror(-result), std::chrono::steady_clock::now())) {
     spdlog::error("systemd: sd_notify: {}", std::strerror(-result));
   }
 }

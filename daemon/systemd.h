@@ -8,7 +8,7 @@
 
 namespace granary {
 
-/// sd_notify(3), e.g. "READY=1". Trouble with the socket is logged, never thrown.
+/// sd_notify(3), e.g. "READY=1". Trouble with the socket is logged, never thrown. Main thread only.
 void NotifySystemd(const std::string& state);
 
 /// The lines before a reload; READY=1 ends it.

@@ -202,6 +202,15 @@ TEST(BinMonitor, StopsBeatingWhenItHangs) {
   EXPECT_EQ(depot.Last().heartbeat, 0);
 }
 
+TEST(BinMonitor, DoesNotHangWhenItHasEnded) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  monitor->Idle(std::nullopt);
+  monitor->Close();
+  depot.clock.Advance(24h);
+  EXPECT_TRUE(monitor->Supervise());
+}
+
 TEST(BinMonitor, GoesOnMeasuringWithoutAStore) {
   Depot depot;
   const auto blocked = depot.folder.Write("blocked", "a file where a folder should be");

@@ -40,6 +40,7 @@ DaemonProcess::DaemonProcess(const std::filesystem::path& folder, const std::vec
     setenv("STATE_DIRECTORY", state.c_str(), 1);
     unsetenv("JOURNAL_STREAM");
     unsetenv("NOTIFY_SOCKET");
+    if (exists(folder / "notify")) setenv("NOTIFY_SOCKET", (folder / "notify").c_str(), 1);
     dup2(open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
     execv(GRANARYD, argv.data());

@@ -16,7 +16,8 @@ namespace granary {
 class DaemonProcess {
  public:
   /// Starts granaryd with these arguments.
-  /// @param folder gets stdout.txt and stderr.txt; its "state" is the daemon's $STATE_DIRECTORY
+  /// @param folder gets stdout.txt and stderr.txt; its "state" is the daemon's $STATE_DIRECTORY, its "notify",
+  ///   where there is one, the $NOTIFY_SOCKET
   DaemonProcess(const std::filesystem::path& folder, const std::vector<std::string>& arguments);
   ~DaemonProcess();
   DaemonProcess(const DaemonProcess&) = delete;
