@@ -53,6 +53,17 @@ cv::Mat CheckedDisparity(const Winners& winners, DisparityRange range, const Ste
   return disparity;
 }
 
+// 255 where every pixel of the census window is the same, saturated or black: there is nothing to compare, and the
+// paths would carry a neighbour's disparity, or the least one, into it. The limit leaves room for the rounding of a
+// remap.
+cv::Mat WithoutTexture(const cv::Mat& grey, int window_width, int window_height) {
+  const cv::Mat window = cv::Mat::ones(window_height, window_width, CV_8UC1);
+  cv::Mat least, greatest;
+  cv::erode(grey, least, window);
+  cv::dilate(grey, greatest, window);
+  return greatest - least < 1e-3;
+}
+
 // Blobs whose disparities hang together to one pixel and that are smaller than `area_px` are mismatches.
 void RemoveBlobs(cv::Mat& disparity, DisparityRange range, int area_px) {
   if (area_px <= 0) return;
@@ -99,6 +110,7 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
                        CensusTransform(right_grey, options.census_width, options.census_height), range, aggregate);
     disparity = CheckedDisparity(TakeWinners(sums, range, options.uniqueness), range, options);
   }
+  disparity.setTo(kInvalid, WithoutTexture(left_grey, options.census_width, options.census_height));
   if (!valid.empty()) disparity.setTo(kInvalid, valid == 0);
   RemoveBlobs(disparity, range, options.speckle_area_px);
   if (options.refine_radius_px == 0) {

@@ -16,7 +16,7 @@ namespace granary {
 /// Sum of Gaussian dots of 2.2 px full width at half maximum, as a function of the left picture's coordinates.
 class Speckle {
  public:
-  Speckle(cv::Size size, unsigned seed, double dots_per_px2 = 0.06) : columns_(size.width / kCell + 2 * kMargin) {
+  Speckle(cv::Size size, unsigned seed, double dots_per_px2 = 0.12) : columns_(size.width / kCell + 2 * kMargin) {
     const int rows = size.height / kCell + 2 * kMargin;
     cells_.resize(static_cast<std::size_t>(columns_) * rows);
     std::mt19937 random(seed);
