@@ -1,9 +1,9 @@
-// Cells are cubes in a hash table. Within a cell the points follow a Morton curve and every 16 of them share a box, so
-// that also a cell with thousands of points (a distance far above the spacing) is decided by a few boxes.
+// Cells are cubes in a hash table. Every 16 points of a cell share a box; in a crowded cell (a distance far above the
+// spacing) they follow a Morton curve, so that the boxes are compact and a few of them decide.
 #include "pipeline/cell_grid.h"
 
 #include <algorithm>
-#include <bit>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -15,18 +15,11 @@ namespace granary {
 namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr double kFurthestCell = 1 << 30;  // cells beyond are one; neighbours stay neighbours when clamped
-constexpr double kFineCell_m = 1e-3;       // no need for less, however small the distance
+constexpr double kFineCell_m = 1e-3;  // no need for less, however small the distance
 constexpr double kFinestCell_m = 1e-6;
-constexpr int kSubBits = 3;  // a cell is ordered by 8 × 8 × 8 sub-cells
+constexpr int kSubBits = 3;            // a cell is ordered by 8 × 8 × 8 sub-cells
+constexpr std::size_t kCrowded = 256;  // points in a cell from which its order pays
 constexpr std::size_t kSubCells = std::size_t{1} << (3 * kSubBits);
-
-std::size_t Hash(const CellGrid::Cell& cell) {
-  std::uint64_t h = static_cast<std::uint32_t>(cell[0]) * 0x9E3779B97F4A7C15ULL;
-  h = (h ^ (h >> 29) ^ static_cast<std::uint32_t>(cell[1])) * 0xBF58476D1CE4E5B9ULL;
-  h = (h ^ (h >> 32) ^ static_cast<std::uint32_t>(cell[2])) * 0x94D049BB133111EBULL;
-  return h ^ (h >> 31);
-}
 
 /// Spreads the bits of a number below 8 three apart.
 constexpr std::uint32_t Spread(std::uint32_t v) { return (v & 1U) | ((v & 2U) << 2) | ((v & 4U) << 4); }
@@ -57,37 +50,26 @@ CellGrid::CellGrid(std::span<const Eigen::Vector3f> points, double distance_m)
 
   table_.assign(1024, kNone);
   const std::size_t count = points.size();
-  auto number = ReserveLarge<std::uint32_t>(count);
-  auto sub = ReserveLarge<std::uint16_t>(count);
-  std::vector<std::uint32_t> sub_start(kSubCells + 1, 0);
+  auto number = MakeLarge<std::uint32_t>(count);
   std::vector<std::uint32_t> population;
   Cell last{};
   std::uint32_t last_number = kNone;
-  for (const Eigen::Vector3f& point : points) {
-    if (!point.allFinite()) {
-      number.push_back(kNone);
-      sub.push_back(0);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!points[i].allFinite()) {
+      number[i] = kNone;
       continue;
     }
-    const Cell cell = CellOf(point);
-    if (last_number == kNone || cell != last) {
+    const Cell cell = CellOf(points[i]);
+    if (last_number == kNone || !(cell == last)) {
       last = cell;
       last_number = Enter(cell);
       if (last_number == population.size()) population.push_back(0);
     }
     ++population[last_number];
-    number.push_back(last_number);
-    sub.push_back(static_cast<std::uint16_t>(SubCellOf(point, cell)));
-    ++sub_start[sub.back() + 1U];
+    number[i] = last_number;
   }
 
-  // Two stable counting sorts: by sub-cell, then by cell.
-  std::uint32_t finite = 0;
-  for (std::size_t s = 0; s <= kSubCells; ++s) finite = sub_start[s] += finite;
-  auto by_sub = MakeLarge<std::uint32_t>(finite);
-  for (std::size_t i = 0; i < count; ++i) {
-    if (number[i] != kNone) by_sub[sub_start[sub[i]]++] = static_cast<std::uint32_t>(i);
-  }
+  // A stable counting sort by cell.
   cell_start_.reserve(population.size() + 1);
   std::uint32_t start = 0;
   for (const std::uint32_t in_cell : population) {
@@ -96,9 +78,24 @@ CellGrid::CellGrid(std::span<const Eigen::Vector3f> points, double distance_m)
   }
   cell_start_.push_back(start);
   std::vector<std::uint32_t> next(cell_start_.begin(), cell_start_.end() - 1);
-  points_ = MakeLarge<Eigen::Vector3f>(finite);
-  for (const std::uint32_t i : by_sub) points_[next[number[i]]++] = points[i];
+  points_ = MakeLarge<Eigen::Vector3f>(start);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (number[i] != kNone) points_[next[number[i]]++] = points[i];
+  }
+  for (std::size_t cell = 0; cell < cells_.size(); ++cell) {
+    if (population[cell] > kCrowded) OrderCell(cell);
+  }
   MakeBoxes();
+}
+
+/// Orders the points of one cell along a Morton curve, so that blocks of them are compact.
+void CellGrid::OrderCell(std::size_t cell) {
+  const std::span<Eigen::Vector3f> inside(&points_[cell_start_[cell]], cell_start_[cell + 1] - cell_start_[cell]);
+  const std::vector<Eigen::Vector3f> before(inside.begin(), inside.end());
+  std::array<std::uint32_t, kSubCells + 1> start{};
+  for (const auto& point : before) ++start[SubCellOf(point, cells_[cell]) + 1];
+  for (std::size_t sub = 0; sub < kSubCells; ++sub) start[sub + 1] += start[sub];
+  for (const auto& point : before) inside[start[SubCellOf(point, cells_[cell])]++] = point;
 }
 
 void CellGrid::MakeBoxes() {
@@ -125,29 +122,18 @@ void CellGrid::MakeBoxes() {
   }
 }
 
-CellGrid::Cell CellGrid::CellOf(const Eigen::Vector3f& point) const {
-  Cell cell;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double position = std::clamp(static_cast<double>(point[axis]) * cells_per_m_, -kFurthestCell, kFurthestCell);
-    const auto whole = static_cast<std::int32_t>(position);
-    cell[axis] = whole - (position < whole ? 1 : 0);  // std::floor without the call
-  }
-  return cell;
-}
-
 std::uint32_t CellGrid::SubCellOf(const Eigen::Vector3f& point, const Cell& cell) const {
   constexpr int kLast = (1 << kSubBits) - 1;
-  std::uint32_t result = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double within = std::clamp(static_cast<double>(point[axis]) * cells_per_m_ - cell[axis], 0.0, 1.0);
-    result |= Spread(static_cast<std::uint32_t>(std::min(kLast, static_cast<int>(within * (kLast + 1))))) << axis;
-  }
-  return result;
+  const auto along = [&](float coordinate, std::int32_t of_cell) {
+    const double within = std::clamp(static_cast<double>(coordinate) * cells_per_m_ - of_cell, 0.0, 1.0);
+    return Spread(static_cast<std::uint32_t>(std::min(kLast, static_cast<int>(within * (kLast + 1)))));
+  };
+  return along(point.x(), cell.x) | along(point.y(), cell.y) << 1 | along(point.z(), cell.z) << 2;
 }
 
 std::uint32_t CellGrid::NumberOf(const Cell& cell) const {
   const std::size_t mask = table_.size() - 1;
-  for (std::size_t slot = Hash(cell) & mask;; slot = (slot + 1) & mask) {
+  for (std::size_t slot = cell.Hash() & mask;; slot = (slot + 1) & mask) {
     const std::uint32_t number = table_[slot];
     if (number == kNone || cells_[number] == cell) return number;
   }
@@ -160,7 +146,7 @@ std::uint32_t CellGrid::Enter(const Cell& cell) {
   cells_.push_back(cell);
   const auto number = static_cast<std::uint32_t>(cells_.size() - 1);
   const std::size_t mask = table_.size() - 1;
-  std::size_t slot = Hash(cell) & mask;
+  std::size_t slot = cell.Hash() & mask;
   while (table_[slot] != kNone) slot = (slot + 1) & mask;
   table_[slot] = number;
   return number;
@@ -170,7 +156,7 @@ void CellGrid::GrowTable() {
   table_.assign(4 * table_.size(), kNone);
   const std::size_t mask = table_.size() - 1;
   for (std::uint32_t number = 0; number < cells_.size(); ++number) {
-    std::size_t slot = Hash(cells_[number]) & mask;
+    std::size_t slot = cells_[number].Hash() & mask;
     while (table_[slot] != kNone) slot = (slot + 1) & mask;
     table_[slot] = number;
   }
@@ -195,7 +181,7 @@ void CellGrid::FindNeighbours(const Cell& centre, std::vector<std::uint32_t>& nu
   numbers.clear();
   if (cells_.empty()) return;
   for (const auto& step : kSteps) {
-    const std::uint32_t number = NumberOf({centre[0] + step[0], centre[1] + step[1], centre[2] + step[2]});
+    const std::uint32_t number = NumberOf({centre.x + step[0], centre.y + step[1], centre.z + step[2]});
     if (number != kNone) numbers.push_back(number);
   }
 }

@@ -1,7 +1,7 @@
 // A cloud sorted into cubes, to answer "is there a point within this distance?" for many points quickly.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -32,7 +32,13 @@ struct Box {
 class CellGrid {
  public:
   static constexpr std::size_t kBlock = 16;  ///< points that share a box
-  using Cell = std::array<std::int32_t, 3>;
+  struct Cell {
+    std::int32_t x = 0, y = 0, z = 0;
+    [[nodiscard]] bool operator==(const Cell& other) const {
+      return ((x ^ other.x) | (y ^ other.y) | (z ^ other.z)) == 0;  // one branch
+    }
+    [[nodiscard]] std::size_t Hash() const;
+  };
 
   /// @param points metres; those that are not finite are left out
   /// @param distance_m the largest distance that will be asked for; a cell's side is no less, and more where the points
@@ -60,6 +66,7 @@ class CellGrid {
   std::uint32_t Enter(const Cell& cell);
   void GrowTable();
   [[nodiscard]] std::uint32_t SubCellOf(const Eigen::Vector3f& point, const Cell& cell) const;
+  void OrderCell(std::size_t cell);
   void MakeBoxes();
 
   double distance_squared_;
@@ -68,8 +75,25 @@ class CellGrid {
   std::vector<Cell> cells_;                 ///< by number
   std::vector<std::uint32_t> cell_start_;   ///< first point of each cell, and the end
   std::vector<std::uint32_t> block_start_;  ///< first block of each cell
-  std::vector<Eigen::Vector3f> points_;     ///< cell by cell, neighbours close together within
+  std::vector<Eigen::Vector3f> points_;     ///< cell by cell
   std::vector<Box> cell_box_, block_box_;
 };
+
+inline std::size_t CellGrid::Cell::Hash() const {
+  std::uint64_t h = static_cast<std::uint32_t>(x) * 0x9E3779B97F4A7C15ULL;
+  h = (h ^ (h >> 29) ^ static_cast<std::uint32_t>(y)) * 0xBF58476D1CE4E5B9ULL;
+  h = (h ^ (h >> 32) ^ static_cast<std::uint32_t>(z)) * 0x94D049BB133111EBULL;
+  return h ^ (h >> 31);
+}
+
+inline CellGrid::Cell CellGrid::CellOf(const Eigen::Vector3f& point) const {
+  constexpr double kFurthestCell = 1 << 30;  // cells beyond are one; neighbours stay neighbours when clamped
+  const auto along = [&](float coordinate) {
+    const double position = std::clamp(static_cast<double>(coordinate) * cells_per_m_, -kFurthestCell, kFurthestCell);
+    const auto whole = static_cast<std::int32_t>(position);
+    return whole - (position < whole ? 1 : 0);  // std::floor without the call
+  };
+  return {along(point.x()), along(point.y()), along(point.z())};
+}
 
 }  // namespace granary

@@ -14,6 +14,17 @@
 #include "pipeline/large_pages.h"
 
 namespace granary {
+namespace {
+
+/// The filled cells around one cell. The rows of a picture pass through the same cells again and again.
+struct Neighbourhood {
+  CellGrid::Cell centre;
+  bool known = false;
+  std::vector<std::uint32_t> numbers;
+};
+constexpr std::size_t kRecent = 2048;  // remembered at a time, a power of two
+
+}  // namespace
 
 std::vector<std::uint8_t> FindScenePoints(std::span<const Eigen::Vector3f> points,
                                           std::span<const Eigen::Vector3f> empty_bin, double distance_m) {
@@ -27,9 +38,7 @@ std::vector<std::uint8_t> FindScenePoints(std::span<const Eigen::Vector3f> point
   const CellGrid grid(empty_bin, distance_m);
   auto scene = MakeLarge<std::uint8_t>(points.size());
   const auto decide = [&](const tbb::blocked_range<std::size_t>& range) {
-    CellGrid::Cell centre{};
-    std::vector<std::uint32_t> neighbours;
-    bool centre_known = false;
+    std::vector<Neighbourhood> recent(kRecent);
     const Eigen::Vector3f* near = nullptr;
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       if (!points[i].allFinite()) continue;
@@ -39,18 +48,19 @@ std::vector<std::uint8_t> FindScenePoints(std::span<const Eigen::Vector3f> point
         continue;
       }
       const CellGrid::Cell cell = grid.CellOf(points[i]);
-      if (!centre_known || cell != centre) {
-        centre = cell;
-        centre_known = true;
-        grid.FindNeighbours(centre, neighbours);
+      Neighbourhood& around = recent[cell.Hash() % kRecent];
+      if (!around.known || !(around.centre == cell)) {
+        around.centre = cell;
+        around.known = true;
+        grid.FindNeighbours(cell, around.numbers);
       }
-      const Eigen::Vector3f* found = grid.FindWithin(p, neighbours);
+      const Eigen::Vector3f* found = grid.FindWithin(p, around.numbers);
       if (found == nullptr) continue;
       near = found;
       scene[i] = 1;
     }
   };
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 8192), decide);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, points.size(), 32'768), decide);
   return scene;
 }
 
