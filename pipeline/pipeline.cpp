@@ -3,19 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 #include <utility>
-
-#include <opencv2/imgproc.hpp>
 
 #include "pipeline/floor.h"
 #include "pipeline/grain.h"
 #include "pipeline/inventory.h"
+#include "pipeline/laps.h"
 #include "pipeline/points.h"
-#include "pipeline/quality.h"
 #include "pipeline/rectify.h"
-#include "pipeline/stereo/match.h"
+#include "pipeline/rig_cloud.h"
+#include "pipeline/rig_plan.h"
+#include "pipeline/text.h"
 #include "pipeline/uncertainty.h"
 #include "pipeline/volume.h"
 
@@ -27,105 +26,8 @@ namespace {
 constexpr double kSegmentSteps = 0.5;
 // Half the matching window (census 9, refinement 11) and a pixel: nearer to a wall it sees wall and grain.
 constexpr double kWindowPixels = 6;
-// Less of the floor in both pictures than this is no view of the bin.
-constexpr double kMinFloorInView = 0.5;
 // More of the surface above the top of the bin than this is not a stray point.
 constexpr double kMaxAboveShare = 0.02;
-
-std::string Text(const char* format, double a, double b) {
-  char text[200];
-  std::snprintf(text, sizeof text, format, a, b);
-  return text;
-}
-
-// What is known of a rig before the first picture.
-struct RigPlan {
-  RigSetup setup;
-  Rectification rectification;
-  RangeProposal range;
-  RigidTransform rectified_from_world = RigidTransform::Identity();
-  cv::Mat left_mask, right_mask;  // the bin's floor in the rectified pictures
-  double floor_in_view = 0;       // share of the grain floor inside both pictures
-  double floor_step_m = 0;        // change of depth for one pixel of disparity at the floor
-  double spacing_m = 0;           // distance of neighbouring points at the floor
-  double camera_height_m = 0;
-};
-
-cv::Point2d Project(const Rectification& r, const Eigen::Vector3d& point, double cx) {
-  return {r.focal_px * point.x() / point.z() + cx, r.focal_px * point.y() / point.z() + r.cy_px};
-}
-
-void MaskFloor(const Bin& bin, RigPlan& plan) {
-  const Rectification& r = plan.rectification;
-  plan.left_mask = cv::Mat::zeros(r.size, CV_8UC1);
-  plan.right_mask = cv::Mat::zeros(r.size, CV_8UC1);
-  std::vector<cv::Point> left, right;
-  for (const auto& corner : bin.footprint_m) {
-    const Eigen::Vector3d p = plan.rectified_from_world * Eigen::Vector3d(corner.x(), corner.y(), 0);
-    if (p.z() <= 0) continue;
-    left.emplace_back(Project(r, p, r.left_cx_px));
-    right.emplace_back(Project(r, p - Eigen::Vector3d(r.baseline_m, 0, 0), r.right_cx_px));
-  }
-  cv::fillPoly(plan.left_mask, std::vector{left}, 255);
-  cv::fillPoly(plan.right_mask, std::vector{right}, 255);
-  plan.left_mask &= r.left_inside;
-  plan.right_mask &= r.right_inside;
-
-  constexpr int kSamples = 40;
-  Eigen::Vector2d low = bin.footprint_m[0], high = low;
-  for (const auto& corner : bin.footprint_m) {
-    low = low.cwiseMin(corner);
-    high = high.cwiseMax(corner);
-  }
-  int all = 0, seen = 0;
-  const cv::Rect picture({0, 0}, r.size);
-  for (int j = 0; j < kSamples; ++j) {
-    for (int i = 0; i < kSamples; ++i) {
-      const Eigen::Vector2d place =
-          low + (high - low).cwiseProduct(Eigen::Vector2d((i + 0.5) / kSamples, (j + 0.5) / kSamples));
-      if (!IsGrainFloor(bin, place)) continue;
-      ++all;
-      const Eigen::Vector3d p = plan.rectified_from_world * Eigen::Vector3d(place.x(), place.y(), 0);
-      if (p.z() <= 0) continue;
-      const cv::Point l(Project(r, p, r.left_cx_px));
-      const cv::Point q(Project(r, p - Eigen::Vector3d(r.baseline_m, 0, 0), r.right_cx_px));
-      seen += picture.contains(l) && picture.contains(q) && r.left_inside.at<std::uint8_t>(l) &&
-              r.right_inside.at<std::uint8_t>(q);
-    }
-  }
-  plan.floor_in_view = all > 0 ? static_cast<double>(seen) / all : 0;
-}
-
-RigPlan PlanRig(RigSetup setup, const Bin& bin, const PipelineOptions& options) {
-  RigPlan plan;
-  try {
-    plan.rectification = ComputeRectification(setup.calibration);
-    plan.range = ProposeRange(bin, plan.rectification, setup.world_from_left, options.stereo.max_disparities);
-  } catch (const std::exception& error) {
-    throw std::invalid_argument("rig " + setup.name + ": " + error.what());
-  }
-  const RigidTransform world_from_rectified = setup.world_from_left * plan.rectification.left_from_rectified;
-  plan.rectified_from_world = world_from_rectified.inverse();
-  plan.camera_height_m = world_from_rectified.translation().z();
-  const double floor_depth_m =
-      plan.rectification.Depth_m(plan.range.range.min_px + 4.0);  // the far margin of the proposal taken off
-  plan.floor_step_m = plan.rectification.DepthStep_m(floor_depth_m);
-  plan.spacing_m = floor_depth_m / plan.rectification.focal_px;
-  if (setup.reference) {
-    const Reference& reference = *setup.reference;
-    if (reference.points_in_world.size() != plan.rectification.size || reference.points_in_world.type() != CV_32FC3) {
-      throw std::invalid_argument("rig " + setup.name + ": reference " + reference.id +
-                                  " was taken with another picture size; take it again");
-    }
-    if (reference.rig_hash != HashOfRig(setup.calibration, setup.world_from_left)) {
-      throw std::invalid_argument("rig " + setup.name + ": reference " + reference.id +
-                                  " was taken with another calibration or pose; take it again");
-    }
-  }
-  plan.setup = std::move(setup);
-  MaskFloor(bin, plan);
-  return plan;
-}
 
 std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
   std::vector<Eigen::Vector3d> out;
@@ -136,80 +38,6 @@ std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
     }
   }
   return out;
-}
-
-// Frames to points; on a poor picture the verdict says why and the rest is empty.
-struct RigCloud {
-  RigView view;
-  Verdict verdict;
-  PictureQuality quality;
-};
-
-class Laps {
- public:
-  explicit Laps(const Stopwatch& stopwatch) : stopwatch_(stopwatch), start_(Now()), last_(start_) {}
-  /// Milliseconds since the last lap.
-  double Lap() {
-    const double now = Now(), lap = now - last_;
-    last_ = now;
-    return lap;
-  }
-  [[nodiscard]] double Total() const { return Now() - start_; }
-
- private:
-  [[nodiscard]] double Now() const { return stopwatch_ ? stopwatch_() : 0; }
-  const Stopwatch& stopwatch_;
-  double start_, last_;
-};
-
-RigCloud MakeCloud(const RigPlan& plan, const FramePair& pair, const PipelineOptions& options, Laps& laps,
-                   StageTimings_ms& timings) {
-  RigCloud out;
-  if (auto fault = FrameFault(pair, plan.rectification.size); !fault.empty()) {
-    out.verdict = {Reason::kFrameInvalid, std::move(fault)};
-    return out;
-  }
-  if (plan.floor_in_view < kMinFloorInView) {
-    out.verdict = {Reason::kFootprintOutOfView, Text("%.0f %% of the floor lies inside both pictures, at least %.0f %%",
-                                                     plan.floor_in_view * 100, kMinFloorInView * 100)};
-    return out;
-  }
-  const RectifiedPair rectified = RectifyPair(pair, plan.rectification);
-  out.view.left = rectified.left;
-  out.view.right = rectified.right;
-  out.quality = AssessPictures(rectified, plan.left_mask, plan.right_mask);
-  out.verdict = JudgePictures(out.quality, options.quality);
-  timings.rectify += laps.Lap();
-  if (out.verdict.reason != Reason::kOk) return out;
-
-  StereoResult stereo =
-      MatchStereo(rectified.left, rectified.right, plan.range.range, options.stereo, rectified.left_usable);
-  out.view.disparity_px = stereo.disparity_px;
-  out.view.deviation_px = stereo.deviation_px;
-  timings.match += laps.Lap();
-
-  out.view.points_in_world = PointsInWorld(stereo.disparity_px, plan.rectification, plan.setup.world_from_left);
-  timings.cloud += laps.Lap();
-  return out;
-}
-
-// A swapped pair matches well once the sides are exchanged back.
-bool LooksSwapped(const RigPlan& plan, const FramePair& pair, double matched_share, const PipelineOptions& options) {
-  FramePair exchanged = pair;
-  std::swap(exchanged.left, exchanged.right);
-  std::swap(exchanged.ambient_left, exchanged.ambient_right);
-  const RectifiedPair rectified = RectifyPair(exchanged, plan.rectification);
-  const cv::Mat disparity =
-      MatchStereo(rectified.left, rectified.right, plan.range.range, options.stereo, rectified.left_usable)
-          .disparity_px;
-  const double share = static_cast<double>(cv::countNonZero((disparity < 1e6f) & plan.left_mask)) /
-                       std::max(1, cv::countNonZero(plan.left_mask));
-  return share > 0.5 && share > 3 * matched_share;
-}
-
-double MatchedShare(const RigPlan& plan, const cv::Mat& disparity) {
-  return static_cast<double>(cv::countNonZero((disparity < 1e6f) & plan.left_mask)) /
-         std::max(1, cv::countNonZero(plan.left_mask));
 }
 
 }  // namespace
@@ -247,8 +75,8 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
     impl->floor_step_m = std::max(impl->floor_step_m, plan.floor_step_m);
     if (!plan.range.reaches_top) {
       impl->notes.push_back("rig " + plan.setup.name +
-                            Text(": grain nearer than %.2f m to the cameras is not seen (max_disparities = %.0f)",
-                                 plan.range.nearest_m, options.stereo.max_disparities));
+                            FormatText(": grain nearer than %.2f m to the cameras is not seen (max_disparities = %.0f)",
+                                       plan.range.nearest_m, options.stereo.max_disparities));
     }
     if (!plan.setup.reference) {
       impl->notes.push_back("rig " + plan.setup.name +
@@ -301,7 +129,6 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   };
 
   // frames → clouds
-  double matched_share = 1;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const RigPlan& plan = my.rigs[i];
     RigCloud cloud = MakeCloud(plan, pairs[i], my.options, laps, m.timings_ms);
@@ -314,14 +141,6 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
     run.rigs.push_back(std::move(cloud.view));
     if (cloud.verdict.reason != Reason::kOk) {
       my.Fail(m, cloud.verdict.reason, "rig " + plan.setup.name + ": " + cloud.verdict.detail);
-      return finish();
-    }
-    const double share = MatchedShare(plan, run.rigs.back().disparity_px);
-    matched_share = std::min(matched_share, share);
-    if (share < 0.3 && LooksSwapped(plan, pairs[i], share, my.options)) {
-      my.Fail(m, Reason::kSidesSwapped,
-              "rig " + plan.setup.name +
-                  Text(": %.0f %% of the picture matches, exchanged it would be more than %.0f %%", share * 100, 50));
       return finish();
     }
   }
@@ -348,12 +167,13 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   m.timings_ms.segment = laps.Lap();
   if (above_share > kMaxAboveShare) {
     my.Fail(m, Reason::kAboveBin,
-            Text("%.0f %% of the surface lies above the top of the bin at %.3f m", above_share * 100, my.bin.height_m));
+            FormatText("%.0f %% of the surface lies above the top of the bin at %.3f m", above_share * 100,
+                       my.bin.height_m));
     return finish();
   }
   if (points.size() < 100) {
     my.Fail(m, Reason::kCoverageLow,
-            Text("%.0f points on the grain floor, at least %.0f", static_cast<double>(points.size()), 100));
+            FormatText("%.0f points on the grain floor, at least %.0f", static_cast<double>(points.size()), 100));
     return finish();
   }
 
@@ -361,32 +181,22 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   run.surface = BuildSurface(points, my.floor, my.bin, spacing_m, my.options.surface.edge_threshold_m);
   m.timings_ms.mesh = laps.Lap();
   const VolumeResult volume = IntegrateVolume(run.surface);
-  my.Describe(grain, run.surface, volume, m);
-  m.timings_ms.volume = laps.Lap();
-  const double coverage = *m.coverage_percent / 100;
+  const double coverage = volume.measured_area_m2 / GrainFloor_m2(my.bin);
+  m.coverage_percent = 100 * coverage;
   if (coverage < my.options.surface.min_coverage) {
-    const std::string detail = Text("%.1f %% of the floor was measured, at least %.1f %%", coverage * 100,
-                                    my.options.surface.min_coverage * 100);
-    const Measurement poor = std::exchange(m, Measurement{});
-    m.bin = poor.bin;
-    m.utc = poor.utc;
-    m.simulated = poor.simulated;
-    m.coverage_percent = poor.coverage_percent;
-    m.points = poor.points;
-    m.skew_us = poor.skew_us;
-    m.speckle_contrast = poor.speckle_contrast;
-    m.saturated_percent = poor.saturated_percent;
-    m.reference_id = poor.reference_id;
-    m.timings_ms = poor.timings_ms;
-    my.Fail(m, Reason::kCoverageLow, detail);
+    my.Fail(m, Reason::kCoverageLow,
+            FormatText("%.1f %% of the floor was measured, at least %.1f %%", coverage * 100,
+                       my.options.surface.min_coverage * 100));
     return finish();
   }
+  my.Describe(grain, run.surface, volume, m);
+  m.timings_ms.volume = laps.Lap();
   m.valid = true;
   m.reason = Reason::kOk;
   if (coverage < my.options.surface.reduced_coverage) {
     m.reduced_accuracy = true;
-    m.detail = Text("%.1f %% of the floor was measured, full accuracy from %.1f %%", coverage * 100,
-                    my.options.surface.reduced_coverage * 100);
+    m.detail = FormatText("%.1f %% of the floor was measured, full accuracy from %.1f %%", coverage * 100,
+                          my.options.surface.reduced_coverage * 100);
   }
   if (!my.floor.Measured()) {
     m.reduced_accuracy = true;
@@ -404,7 +214,6 @@ void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surfa
   m.volume_interpolated_m3 = volume.interpolated_m3;
   m.volume_percent = 100 * volume.total_m3 / capacity_m3;
   m.free_volume_m3 = capacity_m3 - volume.total_m3;
-  m.coverage_percent = 100 * volume.measured_area_m2 / floor_m2;
   m.edge_threshold_m = surface.edge_threshold_m;
   m.triangles = surface.triangles.size();
 
@@ -420,15 +229,7 @@ void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surfa
   };
   m.level_min_m = rank(0.001);
   m.level_max_m = rank(0.999);
-  double level_area = 0;
-  for (const auto& t : surface.triangles) {
-    const Eigen::Vector3d &a = surface.vertices_in_world[t[0]], &b = surface.vertices_in_world[t[1]],
-                          &c = surface.vertices_in_world[t[2]];
-    const double area =
-        ((b - a).head<2>().x() * (c - a).head<2>().y() - (b - a).head<2>().y() * (c - a).head<2>().x()) / 2;
-    level_area += area * (a.z() + b.z() + c.z()) / 3;
-  }
-  if (volume.area_m2 > 0) m.level_mean_m = level_area / volume.area_m2;
+  m.level_mean_m = volume.level_mean_m;
   const double camera_m = rigs.front().camera_height_m;
   if (m.level_mean_m) m.distance_mean_m = camera_m - *m.level_mean_m;
   m.distance_min_m = camera_m - *m.level_max_m;
@@ -458,12 +259,6 @@ Pipeline::ReferenceRun Pipeline::TakeReference(std::size_t rig, const FramePair&
   out.reason = cloud.verdict.reason;
   out.detail = std::move(cloud.verdict.detail);
   if (out.reason != Reason::kOk) return out;
-  const double share = MatchedShare(plan, out.view.disparity_px);
-  if (share < 0.3 && LooksSwapped(plan, pair, share, my.options)) {
-    out.reason = Reason::kSidesSwapped;
-    out.detail = Text("%.0f %% of the picture matches, exchanged it would be more than %.0f %%", share * 100, 50);
-    return out;
-  }
   try {
     out.coverage_percent = 100 * my.FloorFrom(ValidPoints(out.view.points_in_world), plan.spacing_m).SeenShare();
   } catch (const std::invalid_argument& error) {
@@ -473,8 +268,8 @@ Pipeline::ReferenceRun Pipeline::TakeReference(std::size_t rig, const FramePair&
   }
   if (out.coverage_percent < 100 * my.options.surface.min_coverage) {
     out.reason = Reason::kCoverageLow;
-    out.detail = Text("%.1f %% of the empty floor was seen, at least %.1f %%", out.coverage_percent,
-                      100 * my.options.surface.min_coverage);
+    out.detail = FormatText("%.1f %% of the empty floor was seen, at least %.1f %%", out.coverage_percent,
+                            100 * my.options.surface.min_coverage);
     return out;
   }
   Reference reference;

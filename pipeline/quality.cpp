@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <opencv2/imgproc.hpp>
+
+#include "pipeline/text.h"
 
 namespace granary {
 
@@ -35,10 +36,8 @@ SideQuality Assess(const cv::Mat& grey, const cv::Mat& mask) {
   return {mean, mean > 0 ? rms / mean : 0, saturated};
 }
 
-std::string Percent(const char* what, double value, const char* relation, double limit) {
-  char text[160];
-  std::snprintf(text, sizeof text, "%s %.1f %%, %s %.1f %%", what, value * 100, relation, limit * 100);
-  return text;
+std::string Percent(const std::string& what, double value, const std::string& relation, double limit) {
+  return FormatText((what + " %.1f %%, " + relation + " %.1f %%").c_str(), value * 100, limit * 100);
 }
 
 }  // namespace
