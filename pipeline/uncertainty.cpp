@@ -6,7 +6,7 @@ namespace granary {
 
 namespace {
 
-constexpr double kDisparityBias_px = 0.01;  // refinement on speckle, tests/pipeline/match_test.cpp stays within it
+constexpr double kDisparityBias_px = 0.01;  // worst of level planes, tests/pipeline/stereo/match_test.cpp
 constexpr double kScale = 5e-4;             // a good chessboard calibration: 0.05 % of focal length and baseline
 constexpr double kCompletion = 0.03;        // share of the interpolated volume
 constexpr double kRelief_m = 5e-4;          // wheat: half the span between kernels' envelope and a sheet over them
