@@ -93,7 +93,7 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
     empty_bin.insert(empty_bin.end(), points.begin(), points.end());
     spacing_m = std::max(spacing_m, plan.spacing_m);
   }
-  if (!empty_bin.empty()) {
+  if (spacing_m > 0) {  // a reference was given; one without a single point is refused as well
     try {
       impl->floor = impl->FloorFrom(empty_bin, spacing_m);
     } catch (const std::exception& error) {
