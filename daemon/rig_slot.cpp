@@ -50,6 +50,10 @@ void RigSlot::Open() {
   } catch (const DeviceError& error) {
     Fail(error.reason(), error.what());
     throw;
+  } catch (const std::invalid_argument& error) {
+    // Options that no device can be opened with: the rig has no figure until they are mended, the other bins go on.
+    Fail(Reason::kCameraUnavailable, error.what());
+    throw DeviceError(reason_, "rig " + plan_.options.name, "open", error.what());
   }
 }
 

@@ -13,7 +13,7 @@
 #include "pipeline/points.h"
 #include "pipeline/rectify.h"
 #include "pipeline/rig_cloud.h"
-#include "pipeline/rig_plan.h"
+#include "pipeline/rig_geometry.h"
 #include "pipeline/text.h"
 #include "pipeline/uncertainty.h"
 #include "pipeline/volume.h"
@@ -45,7 +45,7 @@ std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
 struct Pipeline::Impl {
   Bin bin;
   PipelineOptions options;
-  std::vector<RigPlan> rigs;
+  std::vector<RigGeometry> rigs;
   Floor floor;
   double segment_distance_m = 0;
   double floor_step_m = 0;
@@ -70,16 +70,16 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
   impl->bin = std::move(bin);
   impl->options = options;
   for (auto& rig : rigs) {
-    impl->rigs.push_back(PlanRig(std::move(rig), impl->bin, options));
-    const RigPlan& plan = impl->rigs.back();
-    impl->floor_step_m = std::max(impl->floor_step_m, plan.floor_step_m);
-    if (!plan.range.reaches_top) {
-      impl->notes.push_back("rig " + plan.setup.name +
+    impl->rigs.push_back(DescribeRig(std::move(rig), impl->bin, options));
+    const RigGeometry& geometry = impl->rigs.back();
+    impl->floor_step_m = std::max(impl->floor_step_m, geometry.floor_step_m);
+    if (!geometry.range.reaches_top) {
+      impl->notes.push_back("rig " + geometry.setup.name +
                             FormatText(": grain nearer than %.2f m to the cameras is not seen (max_disparities = %.0f)",
-                                       plan.range.nearest_m, options.stereo.max_disparities));
+                                       geometry.range.nearest_m, options.stereo.max_disparities));
     }
-    if (!plan.setup.reference) {
-      impl->notes.push_back("rig " + plan.setup.name +
+    if (!geometry.setup.reference) {
+      impl->notes.push_back("rig " + geometry.setup.name +
                             ": no reference of the empty bin; heights are counted from z = 0 of the pose");
     }
   }
@@ -87,11 +87,11 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
 
   std::vector<Eigen::Vector3d> empty_bin;
   double spacing_m = 0;
-  for (const RigPlan& plan : impl->rigs) {
-    if (!plan.setup.reference) continue;
-    const auto points = ValidPoints(plan.setup.reference->points_in_world);
+  for (const RigGeometry& geometry : impl->rigs) {
+    if (!geometry.setup.reference) continue;
+    const auto points = ValidPoints(geometry.setup.reference->points_in_world);
     empty_bin.insert(empty_bin.end(), points.begin(), points.end());
-    spacing_m = std::max(spacing_m, plan.spacing_m);
+    spacing_m = std::max(spacing_m, geometry.spacing_m);
   }
   if (spacing_m > 0) {  // a reference was given; one without a single point is refused as well
     try {
@@ -130,8 +130,8 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
 
   // frames → clouds
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const RigPlan& plan = my.rigs[i];
-    RigCloud cloud = MakeCloud(plan, pairs[i], my.options, laps, m.timings_ms);
+    const RigGeometry& geometry = my.rigs[i];
+    RigCloud cloud = MakeCloud(geometry, pairs[i], my.options, laps, m.timings_ms);
     m.skew_us = std::max(m.skew_us.value_or(0), static_cast<double>(pairs[i].skew.count()));
     const bool assessed = !cloud.view.left.empty();
     if (assessed) {
@@ -140,7 +140,7 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
     }
     run.rigs.push_back(std::move(cloud.view));
     if (cloud.verdict.reason != Reason::kOk) {
-      my.Fail(m, cloud.verdict.reason, "rig " + plan.setup.name + ": " + cloud.verdict.detail);
+      my.Fail(m, cloud.verdict.reason, "rig " + geometry.setup.name + ": " + cloud.verdict.detail);
       return finish();
     }
   }
@@ -150,18 +150,18 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   std::vector<Eigen::Vector3d> points;
   double spacing_m = 0, above_share = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const RigPlan& plan = my.rigs[i];
+    const RigGeometry& geometry = my.rigs[i];
     GrainOptions options;
     options.segment_distance_m = my.segment_distance_m;
-    options.edge_margin_m = kWindowPixels * plan.spacing_m;
-    const cv::Mat empty_bin = plan.setup.reference ? plan.setup.reference->points_in_world : cv::Mat();
+    options.edge_margin_m = kWindowPixels * geometry.spacing_m;
+    const cv::Mat empty_bin = geometry.setup.reference ? geometry.setup.reference->points_in_world : cv::Mat();
     grain.push_back(
         FindGrain(run.rigs[i].points_in_world, run.rigs[i].disparity_px, empty_bin, my.floor, my.bin, options));
     run.rigs[i].grain_mask = grain.back().mask;
     points.insert(points.end(), grain.back().points_in_world.begin(), grain.back().points_in_world.end());
     spacing_m = std::max(spacing_m, grain.back().spacing_m);
     above_share = std::max(above_share, grain.back().above_share);
-    if (plan.setup.reference) m.reference_id += (m.reference_id.empty() ? "" : " ") + plan.setup.reference->id;
+    if (geometry.setup.reference) m.reference_id += (m.reference_id.empty() ? "" : " ") + geometry.setup.reference->id;
   }
   m.points = points.size();
   m.timings_ms.segment = laps.Lap();
@@ -249,18 +249,18 @@ void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surfa
 
 Pipeline::ReferenceRun Pipeline::TakeReference(std::size_t rig, const FramePair& pair) const {
   const Impl& my = *impl_;
-  const RigPlan& plan = my.rigs.at(rig);
+  const RigGeometry& geometry = my.rigs.at(rig);
   ReferenceRun out;
   const Stopwatch none;
   Laps laps(none);
   StageTimings_ms timings;
-  RigCloud cloud = MakeCloud(plan, pair, my.options, laps, timings);
+  RigCloud cloud = MakeCloud(geometry, pair, my.options, laps, timings);
   out.view = std::move(cloud.view);
   out.reason = cloud.verdict.reason;
   out.detail = std::move(cloud.verdict.detail);
   if (out.reason != Reason::kOk) return out;
   try {
-    out.coverage_percent = 100 * my.FloorFrom(ValidPoints(out.view.points_in_world), plan.spacing_m).SeenShare();
+    out.coverage_percent = 100 * my.FloorFrom(ValidPoints(out.view.points_in_world), geometry.spacing_m).SeenShare();
   } catch (const std::invalid_argument& error) {
     out.reason = Reason::kCoverageLow;
     out.detail = error.what();
@@ -274,12 +274,12 @@ Pipeline::ReferenceRun Pipeline::TakeReference(std::size_t rig, const FramePair&
   }
   Reference reference;
   reference.points_in_world = out.view.points_in_world;
-  reference.noise_m = PointNoise_m(out.view.disparity_px, out.view.deviation_px, plan.rectification);
+  reference.noise_m = PointNoise_m(out.view.disparity_px, out.view.deviation_px, geometry.rectification);
   reference.hash = HashOfPoints(reference.points_in_world);
-  reference.rig_hash = HashOfRig(plan.setup.calibration, plan.setup.world_from_left);
+  reference.rig_hash = HashOfRig(geometry.setup.calibration, geometry.setup.world_from_left);
   reference.utc = pair.left.exposure_start;
   reference.simulated = pair.Simulated();
-  reference.id = "bin" + std::to_string(my.bin.id) + "-" + plan.setup.name + "-" + reference.hash.substr(0, 8);
+  reference.id = "bin" + std::to_string(my.bin.id) + "-" + geometry.setup.name + "-" + reference.hash.substr(0, 8);
   out.reference = std::move(reference);
   return out;
 }

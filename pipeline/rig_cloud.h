@@ -5,7 +5,7 @@
 #include "pipeline/options.h"
 #include "pipeline/pipeline.h"
 #include "pipeline/quality.h"
-#include "pipeline/rig_plan.h"
+#include "pipeline/rig_geometry.h"
 #include "pipeline/types/frame.h"
 #include "pipeline/types/measurement.h"
 
@@ -20,7 +20,7 @@ struct RigCloud {
 
 /// Checks the frames, rectifies, judges the pictures, matches, and makes points.
 /// @param laps, timings the stages' times are added to `timings`
-[[nodiscard]] RigCloud MakeCloud(const RigPlan& plan, const FramePair& pair, const PipelineOptions& options, Laps& laps,
-                                 StageTimings_ms& timings);
+[[nodiscard]] RigCloud MakeCloud(const RigGeometry& geometry, const FramePair& pair, const PipelineOptions& options,
+                                 Laps& laps, StageTimings_ms& timings);
 
 }  // namespace granary

@@ -1,4 +1,4 @@
-#include "pipeline/rig_plan.h"
+#include "pipeline/rig_geometry.h"
 
 #include <cstdint>
 #include <stdexcept>
@@ -17,21 +17,21 @@ cv::Point2d Project(const Rectification& r, const Eigen::Vector3d& point, double
   return {r.focal_px * point.x() / point.z() + cx, r.focal_px * point.y() / point.z() + r.cy_px};
 }
 
-void MaskFloor(const Bin& bin, RigPlan& plan) {
-  const Rectification& r = plan.rectification;
-  plan.left_mask = cv::Mat::zeros(r.size, CV_8UC1);
-  plan.right_mask = cv::Mat::zeros(r.size, CV_8UC1);
+void MaskFloor(const Bin& bin, RigGeometry& geometry) {
+  const Rectification& r = geometry.rectification;
+  geometry.left_mask = cv::Mat::zeros(r.size, CV_8UC1);
+  geometry.right_mask = cv::Mat::zeros(r.size, CV_8UC1);
   std::vector<cv::Point> left, right;
   for (const auto& corner : bin.footprint_m) {
-    const Eigen::Vector3d p = plan.rectified_from_world * Eigen::Vector3d(corner.x(), corner.y(), 0);
+    const Eigen::Vector3d p = geometry.rectified_from_world * Eigen::Vector3d(corner.x(), corner.y(), 0);
     if (p.z() <= 0) continue;
     left.emplace_back(Project(r, p, r.left_cx_px));
     right.emplace_back(Project(r, p - Eigen::Vector3d(r.baseline_m, 0, 0), r.right_cx_px));
   }
-  cv::fillPoly(plan.left_mask, std::vector{left}, 255);
-  cv::fillPoly(plan.right_mask, std::vector{right}, 255);
-  plan.left_mask &= r.left_inside;
-  plan.right_mask &= r.right_inside;
+  cv::fillPoly(geometry.left_mask, std::vector{left}, 255);
+  cv::fillPoly(geometry.right_mask, std::vector{right}, 255);
+  geometry.left_mask &= r.left_inside;
+  geometry.right_mask &= r.right_inside;
 
   constexpr int kSamples = 40;
   Eigen::Vector2d low = bin.footprint_m[0], high = low;
@@ -47,7 +47,7 @@ void MaskFloor(const Bin& bin, RigPlan& plan) {
           low + (high - low).cwiseProduct(Eigen::Vector2d((i + 0.5) / kSamples, (j + 0.5) / kSamples));
       if (!IsGrainFloor(bin, place)) continue;
       ++all;
-      const Eigen::Vector3d p = plan.rectified_from_world * Eigen::Vector3d(place.x(), place.y(), 0);
+      const Eigen::Vector3d p = geometry.rectified_from_world * Eigen::Vector3d(place.x(), place.y(), 0);
       if (p.z() <= 0) continue;
       const cv::Point l(Project(r, p, r.left_cx_px));
       const cv::Point q(Project(r, p - Eigen::Vector3d(r.baseline_m, 0, 0), r.right_cx_px));
@@ -55,29 +55,30 @@ void MaskFloor(const Bin& bin, RigPlan& plan) {
               r.right_inside.at<std::uint8_t>(q);
     }
   }
-  plan.floor_in_view = all > 0 ? static_cast<double>(seen) / all : 0;
+  geometry.floor_in_view = all > 0 ? static_cast<double>(seen) / all : 0;
 }
 
 }  // namespace
 
-RigPlan PlanRig(RigSetup setup, const Bin& bin, const PipelineOptions& options) {
-  RigPlan plan;
+RigGeometry DescribeRig(RigSetup setup, const Bin& bin, const PipelineOptions& options) {
+  RigGeometry geometry;
   try {
-    plan.rectification = ComputeRectification(setup.calibration);
-    plan.range = ProposeRange(bin, plan.rectification, setup.world_from_left, options.stereo.max_disparities);
+    geometry.rectification = ComputeRectification(setup.calibration);
+    geometry.range = ProposeRange(bin, geometry.rectification, setup.world_from_left, options.stereo.max_disparities);
   } catch (const std::exception& error) {
     throw std::invalid_argument("rig " + setup.name + ": " + error.what());
   }
-  const RigidTransform world_from_rectified = setup.world_from_left * plan.rectification.left_from_rectified;
-  plan.rectified_from_world = world_from_rectified.inverse();
-  plan.camera_height_m = world_from_rectified.translation().z();
+  const RigidTransform world_from_rectified = setup.world_from_left * geometry.rectification.left_from_rectified;
+  geometry.rectified_from_world = world_from_rectified.inverse();
+  geometry.camera_height_m = world_from_rectified.translation().z();
   const double floor_depth_m =
-      plan.rectification.Depth_m(plan.range.range.min_px + 4.0);  // the far margin of the proposal taken off
-  plan.floor_step_m = plan.rectification.DepthStep_m(floor_depth_m);
-  plan.spacing_m = floor_depth_m / plan.rectification.focal_px;
+      geometry.rectification.Depth_m(geometry.range.range.min_px + 4.0);  // the far margin of the proposal taken off
+  geometry.floor_step_m = geometry.rectification.DepthStep_m(floor_depth_m);
+  geometry.spacing_m = floor_depth_m / geometry.rectification.focal_px;
   if (setup.reference) {
     const Reference& reference = *setup.reference;
-    if (reference.points_in_world.size() != plan.rectification.size || reference.points_in_world.type() != CV_32FC3) {
+    if (reference.points_in_world.size() != geometry.rectification.size ||
+        reference.points_in_world.type() != CV_32FC3) {
       throw std::invalid_argument("rig " + setup.name + ": reference " + reference.id +
                                   " was taken with another picture size; take it again");
     }
@@ -86,9 +87,9 @@ RigPlan PlanRig(RigSetup setup, const Bin& bin, const PipelineOptions& options) 
                                   " was taken with another calibration or pose; take it again");
     }
   }
-  plan.setup = std::move(setup);
-  MaskFloor(bin, plan);
-  return plan;
+  geometry.setup = std::move(setup);
+  MaskFloor(bin, geometry);
+  return geometry;
 }
 
 }  // namespace granary

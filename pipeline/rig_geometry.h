@@ -14,7 +14,7 @@
 namespace granary {
 
 /// Made once, never changed.
-struct RigPlan {
+struct RigGeometry {
   RigSetup setup;
   Rectification rectification;
   RangeProposal range;
@@ -27,6 +27,6 @@ struct RigPlan {
 };
 
 /// @throws std::invalid_argument when calibration, pose or reference cannot be used, naming the rig and why
-[[nodiscard]] RigPlan PlanRig(RigSetup setup, const Bin& bin, const PipelineOptions& options);
+[[nodiscard]] RigGeometry DescribeRig(RigSetup setup, const Bin& bin, const PipelineOptions& options);
 
 }  // namespace granary
