@@ -12,7 +12,7 @@ allowed='
   libopencv_imgcodecs                                # Apache-2.0
   libpcl_common libpcl_kdtree libpcl_search libpcl_filters libpcl_segmentation libpcl_sample_consensus  # BSD
   libtbb libhwy                                      # Apache-2.0
-  libspdlog libfmt libdate-tz                        # MIT
+  libspdlog libfmt libdate-tz libtomlplusplus                    # MIT
   libmodbus libsystemd                               # LGPL-2.1
   libSQLiteCpp libsqlite3                            # MIT, public domain
   libpng16 libtiff libz libzstd                      # libpng, libtiff, zlib, BSD
