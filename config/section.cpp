@@ -7,16 +7,16 @@ namespace granary {
 namespace {
 
 /// The node that a fault named "left.id" or "exclude_m[1]" is about: the deepest part of `path` that the file has.
-/// `found` says whether it is the whole path.
-const toml::node& Locate(const toml::node& table, std::string path, bool& found) {
+/// `found` says whether it is the whole path. A pointer, because g++ 14 takes the reference for one into `path`.
+const toml::node* Locate(const toml::node& table, std::string path, bool& found) {
   found = true;
   while (!path.empty()) {
-    if (const auto view = toml::at_path(table, path)) return *view.node();
+    if (const auto view = toml::at_path(table, path)) return view.node();
     found = false;
     const auto cut = path.find_last_of(".[");
     path.resize(cut == std::string::npos ? 0 : cut);
   }
-  return table;
+  return &table;
 }
 
 /// What is wrong, for a check that only says what is allowed.
@@ -32,7 +32,7 @@ void NoteFault(const std::string& fault, const Node& table) {
   const std::string key = table.key.empty() ? path : table.key + "." + path;
   if (table.reader.HasFault(key)) return;
   bool found = false;
-  const toml::node& node = Locate(table.toml, path, found);
+  const toml::node& node = *Locate(table.toml, path, found);
   const std::string words = fault.substr(colon + 2);
   const Node where{node, key, {}, table.reader};
   where.Fault(found ? WithValue(words, node) : words);
