@@ -35,8 +35,8 @@ Sample MeasureSample(const fs::path& folder, double height_m) {
     for (const auto& p : container.at("pillars_xyxy_m")) bin.exclude_m.push_back(Rectangle(p[0], p[1], p[2], p[3]));
   }
   RigSetup rig{"a", LoadStereoCalibration(folder / "stereo.yml"), LoadWorldFromLeft(folder / "world.yml"), {}};
-  const auto reference = Pipeline(bin, {rig}, {})
-                             .TakeReference(0, LoadFramePair(folder / "empty_left.png", folder / "empty_right.png"));
+  const auto reference =
+      Pipeline(bin, {rig}, {}).TakeReference(0, LoadFramePair(folder / "empty_left.png", folder / "empty_right.png"));
   EXPECT_EQ(reference.reason, Reason::kOk) << reference.detail;
   rig.reference = reference.reference;
   Sample out;
