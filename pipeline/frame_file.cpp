@@ -1,52 +1,38 @@
-// OpenCV decodes from memory, after the container was found whole; PGM is decoded here, since OpenCV's reading of
-// maxima other than 255 and 65535 differs from version to version.
+// Whole files are decoded from memory and encoded to memory. Not by OpenCV's codecs: Debian's load GDAL, and behind it
+// GPL libraries, and hand out partly decoded pictures.
 #include "pipeline/frame_file.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
-#include <cstdint>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "pipeline/file_bytes.h"
 #include "pipeline/file_error.h"
-#include "pipeline/image_container.h"
+#include "pipeline/pgm_file.h"
+#include "pipeline/png_file.h"
+#include "pipeline/tiff_file.h"
 
 namespace granary {
 namespace {
 
 namespace fs = std::filesystem;
 
-cv::Mat DecodePgm(const fs::path& file, std::string_view bytes) {
-  const PgmHeader header = ParsePgm(file, bytes);
-  const auto* pixels = reinterpret_cast<const std::uint8_t*>(bytes.data()) + header.pixels_at;
-  if (header.maximum <= 255) {
-    return cv::Mat(header.height, header.width, CV_8UC1, const_cast<std::uint8_t*>(pixels)).clone();
+/// The picture by the format that the file's first bytes name; its extension is not asked.
+cv::Mat Decode(const fs::path& file, std::string_view bytes) {
+  if (bytes.starts_with("\x89PNG\r\n\x1a\n")) return DecodePng(file, bytes);
+  const std::string_view four = bytes.substr(0, 4);
+  for (const std::string_view magic : {std::string_view("II*\0", 4), std::string_view("MM\0*", 4),
+                                       std::string_view("II+\0", 4), std::string_view("MM\0+", 4)}) {
+    if (four == magic) return DecodeTiff(file, bytes);
   }
-  cv::Mat image(header.height, header.width, CV_16UC1);
-  for (auto& pixel : cv::Mat_<std::uint16_t>(image)) {
-    pixel = static_cast<std::uint16_t>(pixels[0] << 8 | pixels[1]);
-    pixels += 2;
+  if (bytes.starts_with("P5")) return DecodePgm(file, bytes);
+  if (bytes.starts_with("P6") || bytes.starts_with("P3")) {
+    throw FileError(file, "is a colour picture (PPM); one-channel grey of 8 or 16 bits is wanted");
   }
-  return image;
-}
-
-cv::Mat Decode(const fs::path& file, const std::string& bytes) {
-  cv::Mat image;
-  std::string words = "its pixels cannot be decoded";
-  try {
-    const cv::Mat buffer(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-    image = cv::imdecode(buffer, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception& error) {
-    words = error.err;
-  }
-  if (image.empty()) throw FileError(file, "is damaged: " + words);
-  return image;
+  throw FileError(file, "is no PNG, TIFF or binary PGM (P5)");
 }
 
 std::string Size(const cv::Mat& image) { return std::to_string(image.cols) + "x" + std::to_string(image.rows); }
@@ -78,11 +64,11 @@ void CheckAlike(const Frame& first, const std::string& first_name, const Frame& 
 
 cv::Mat ReadImage(const fs::path& file) {
   const std::string bytes = ReadBytes(file);
-  const cv::Mat image = CheckContainer(file, bytes) == ImageFormat::kPgm ? DecodePgm(file, bytes) : Decode(file, bytes);
-  if (image.depth() != CV_8U && image.depth() != CV_16U) {
-    throw FileError(file, "has pixels that are no unsigned 8- or 16-bit numbers");
+  try {
+    return Decode(file, bytes);
+  } catch (const cv::Exception& error) {  // OpenCV's word for too little memory
+    throw FileError(file, "cannot be read: " + error.err);
   }
-  return image;
 }
 
 Frame LoadFrame(const fs::path& file) {
@@ -127,18 +113,10 @@ void SaveFrame(const fs::path& file, const cv::Mat& image) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  constexpr std::array<std::string_view, 4> kExtensions{".png", ".tif", ".tiff", ".pgm"};
-  if (std::find(kExtensions.begin(), kExtensions.end(), extension) == kExtensions.end()) {
-    throw FileError(file, "cannot be written: the name has to end in .png, .tif, .tiff or .pgm");
-  }
-  if (extension == ".pgm" && image.channels() != 1) throw FileError(file, "cannot be written: PGM is grey only");
-  std::vector<std::uint8_t> bytes;
-  try {
-    if (!cv::imencode(extension, image, bytes)) throw FileError(file, "cannot be encoded as " + extension);
-  } catch (const cv::Exception& error) {
-    throw FileError(file, "cannot be encoded: " + error.err);
-  }
-  WriteBytes(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  if (extension == ".png") return WriteBytes(file, EncodePng(file, image));
+  if (extension != ".pgm") throw FileError(file, "cannot be written: the name has to end in .png or .pgm");
+  if (image.channels() != 1) throw FileError(file, "cannot be written: PGM is grey only");
+  WriteBytes(file, EncodePgm(image));
 }
 
 }  // namespace granary

@@ -1,4 +1,4 @@
-// Pictures from and to files: PNG, TIFF and PGM.
+// Pictures from files (PNG, TIFF, PGM) and to files (PNG, PGM).
 #pragma once
 
 #include <filesystem>
@@ -9,9 +9,9 @@
 
 namespace granary {
 
-/// The picture as it is stored: CV_8U or CV_16U, 1 channel, or 3 or 4 (BGR, BGRA).
-/// @throws FileError when the file is missing, empty, of another format, truncated or damaged; a partly decoded
-///   picture is never returned.
+/// The picture as it is stored: CV_8U or CV_16U, 1 channel, or of a PNG also 3 or 4 (BGR, BGRA).
+/// @throws FileError when the file is missing, empty, of another format, truncated, damaged or above 16384 pixels a
+///   side, or a TIFF that is not one-channel grey; a partly decoded picture is never returned.
 [[nodiscard]] cv::Mat ReadImage(const std::filesystem::path& file);
 
 /// One grey frame. `bit_depth` of a 16-bit file is the smallest of 10, 12, 14, 16 that holds its brightest pixel, as
@@ -27,8 +27,8 @@ namespace granary {
                                       const std::filesystem::path& ambient_left,
                                       const std::filesystem::path& ambient_right);
 
-/// Writes CV_8U or CV_16U with 1 or 3 (BGR) channels without loss; the extension (.png .tif .tiff .pgm) says the
-/// format. The file is replaced whole or not at all. @throws FileError
+/// Writes CV_8U or CV_16U without loss; the extension says the format: .png with 1 or 3 (BGR) channels, .pgm with 1.
+/// The file is replaced whole or not at all. @throws FileError
 void SaveFrame(const std::filesystem::path& file, const cv::Mat& image);
 
 }  // namespace granary

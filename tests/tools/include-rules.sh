@@ -40,14 +40,16 @@ function check_pipeline() {
   if (quoted) { if (!begins("pipeline/")) fault("pipeline/ includes only itself: no drivers, daemon, config") }
   else if (begins("pcl/ nlohmann/ hwy/")) { if (!cpp() && FILENAME !~ /-inl\.h$/) fault("in pipeline/ only .cpp files include it") }
   else if (begins("fcntl.h sys/stat.h unistd.h")) { if (FILENAME !~ /^pipeline\/[a-z_]*file[a-z_]*\.cpp$/) fault("in pipeline/ only *file*.cpp touches files") }
+  else if (begins("png.h zlib.h")) { if (FILENAME !~ /^pipeline\/(png|tiff)_[a-z]+\.cpp$/) fault("in pipeline/ only the readers png_*.cpp and tiff_*.cpp include it") }
+  else if (target == "opencv2/imgcodecs.hpp" || target == "opencv2/highgui.hpp") fault("it brings GPL libraries along; use frame_file.h")
   else if (!standard() && !begins("Eigen/ opencv2/ tbb/ oneapi/tbb sys/mman.h sys/resource.h"))
-    fault("pipeline/ knows std, Eigen, OpenCV, PCL, Highway, TBB and JSON")
+    fault("pipeline/ knows std, Eigen, OpenCV, PCL, Highway, TBB, libpng, zlib and JSON")
 }
 function check_drivers() {
   if (quoted) {
     if (!begins("drivers/ pipeline/types/") && target !~ /^pipeline\/(frame_file|file_error)\.h$/)
       fault("drivers/ includes itself, pipeline/types/ and the readers frame_file.h and file_error.h")
-  } else if (begins("pcl/ toml++/ CLI/ systemd/ SQLiteCpp/"))
+  } else if (begins("pcl/ toml++/ CLI/ systemd/ SQLiteCpp/ png.h zlib.h opencv2/imgcodecs opencv2/highgui"))
     fault("no business of a driver")
 }
 function check_config() {
@@ -62,7 +64,7 @@ function check_daemon() {
     if (begins("config/") && FILENAME != "daemon/granaryd.cpp" && FILENAME !~ /^daemon\/ctl\//)
       fault("of daemon/ only granaryd.cpp and ctl/ include config/")
     else if (!begins("daemon/ drivers/ pipeline/ config/")) fault("includes are written from the top of the repository")
-  } else if (begins("toml++/ pcl/"))
+  } else if (begins("toml++/ pcl/ png.h zlib.h opencv2/imgcodecs opencv2/highgui"))
     fault("no business of the daemon")
 }
 

@@ -8,6 +8,7 @@ set -euo pipefail
 packages=(
   build-essential cmake ninja-build pkg-config
   libopencv-dev libpcl-dev libeigen3-dev libtbb-dev libhwy-dev             # pipeline
+  libpng-dev zlib1g-dev
   libspdlog-dev libfmt-dev nlohmann-json3-dev                             # drivers and daemon
   libmodbus-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
   libhowardhinnant-date-dev tzdata

@@ -9,20 +9,18 @@ allowed='
   ld-linux libc libm libpthread librt libdl          # glibc, LGPL-2.1
   libstdc++ libgcc_s libatomic                       # GPL-3 with the runtime exception
   libopencv_core libopencv_imgproc libopencv_calib3d # Apache-2.0
-  libopencv_imgcodecs                                # Apache-2.0
   libpcl_common libpcl_kdtree libpcl_search libpcl_filters libpcl_segmentation libpcl_sample_consensus  # BSD
   libtbb libhwy                                      # Apache-2.0
   libspdlog libfmt libdate-tz libtomlplusplus                    # MIT
   libmodbus libsystemd                               # LGPL-2.1
   libSQLiteCpp libsqlite3                            # MIT, public domain
-  libpng16 libtiff libz libzstd                      # libpng, libtiff, zlib, BSD
+  libpng16 libz libzstd                              # libpng, zlib, BSD
   libasan libubsan libtsan                           # the sanitizer presets
 '
 # Behind them: GPL, or half a desktop on an edge box.
 refused='libgsl libfftw3 libreadline libvtk libmpi libQt5 libQt6 libcholmod'
-# Debian builds OpenCV's picture codecs with GDAL, which loads these GPL libraries although we decode only PNG and TIFF.
-# Refused as soon as nothing links the codecs any more; until then said aloud.
-behind_codecs='libpoppler libx265 librttopo libjbig'
+# Debian's OpenCV picture codecs load GDAL and these; its libtiff loads jbig too.
+refused+=' libopencv_imgcodecs libgdal libpoppler libx265 librttopo libjbig'
 
 faults=0
 fault() {
@@ -41,15 +39,9 @@ for program in "$@"; do
     [[ $names == *" ${name%%-x86*} "* ]] || fault "$program: links $library, which is not on the list of allowed libraries"
   done
 
-  refused_here="$refused $behind_codecs"
-  if [[ $direct == *libopencv_imgcodecs* ]]; then
-    refused_here=$refused
-    echo "$program: links libopencv_imgcodecs, and behind it GPL code through GDAL: $behind_codecs"
-  fi
-
   loaded=$(ldd "$program")
   ! grep -q 'not found' <<<"$loaded" || fault "$program: $(grep 'not found' <<<"$loaded" | tr -s '\t\n' ' ')"
-  for name in $refused_here; do
+  for name in $refused; do
     ! grep -qE "^[[:space:]]*$name[-._0-9a-zA-Z]*\.so" <<<"$loaded" || fault "$program: brings in $name, which must not be shipped with it"
   done
 done
