@@ -4,7 +4,7 @@
 set -euo pipefail
 
 # The one list; the names are the same on both releases. OpenCV and PCL have no smaller package that carries their
-# headers together with what CMake or pkg-config ask for; the built programs link only nine of their libraries.
+# headers together with what CMake or pkg-config ask for; the built programs link only six of their libraries.
 packages=(
   build-essential cmake ninja-build pkg-config
   libopencv-dev libpcl-dev libeigen3-dev libtbb-dev libhwy-dev             # pipeline
