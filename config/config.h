@@ -15,15 +15,6 @@
 
 namespace granary {
 
-struct BinConfig {
-  Bin bin;
-  Inventory inventory;
-  ScheduleOptions schedule;
-  CycleOptions cycle;
-  PipelineOptions pipeline;
-  std::vector<RigOptions> rigs;
-};
-
 struct Config {
   std::filesystem::path file;  ///< where it was read from; paths inside are already absolute
   std::string site_name = "granary";

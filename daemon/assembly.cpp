@@ -55,7 +55,7 @@ std::optional<Reference> StoredReference(const std::filesystem::path& folder, co
 }
 
 /// Shows the simulator empty and measures it.
-Reference TakeSimulatedReference(const BinOptions& options, const std::vector<RigSetup>& setups, std::size_t index,
+Reference TakeSimulatedReference(const BinConfig& options, const std::vector<RigSetup>& setups, std::size_t index,
                                  RigPlan plan, const std::filesystem::path& folder, const RigOpener& open) {
   plan.world.empty_bin = true;
   Rig rig = open(plan.options, plan.world);
@@ -75,7 +75,7 @@ Reference TakeSimulatedReference(const BinOptions& options, const std::vector<Ri
 
 }  // namespace
 
-BinSetup AssembleBin(const BinOptions& options, const std::filesystem::path& state_folder, const RigOpener& open,
+BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& state_folder, const RigOpener& open,
                      std::string_view configuration) {
   BinSetup setup;
   setup.bin = options.bin;

@@ -14,16 +14,6 @@
 
 namespace granary {
 
-/// What the configuration says of one bin.
-struct BinOptions {
-  Bin bin;
-  Inventory inventory;
-  ScheduleOptions schedule;
-  CycleOptions cycle;
-  PipelineOptions pipeline;
-  std::vector<RigOptions> rigs;
-};
-
 /// Reads the files that `options` names and builds the pipeline; opens no real device.
 ///
 /// A simulated rig without a fitting reference gets one: the simulator is shown empty, measured and stored. A real rig
@@ -32,7 +22,7 @@ struct BinOptions {
 /// @param configuration the effective configuration as text, for the hash
 /// @throws FileError for a calibration or pose; std::invalid_argument for a rig, driver, pipeline or time zone that
 ///   cannot be; DeviceError when the simulator fails
-[[nodiscard]] BinSetup AssembleBin(const BinOptions& options, const std::filesystem::path& state_folder,
+[[nodiscard]] BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& state_folder,
                                    const RigOpener& open, std::string_view configuration);
 
 }  // namespace granary

@@ -4,12 +4,11 @@
 
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "daemon/memory.h"
 #include "daemon/record_json.h"
 #include "daemon/schedule.h"
 
@@ -24,13 +23,6 @@ std::string VolumeText(const Measurement& m) {
   if (!m.volume_u95_m3 || !(*m.volume_u95_m3 > 0)) return fmt::format("{:.5g} m³", *m.volume_m3);
   const int digits = std::max(0, 1 - static_cast<int>(std::floor(std::log10(*m.volume_u95_m3))) - 1);
   return fmt::format("{:.{}f} m³ ±{:.{}f}", *m.volume_m3, digits, *m.volume_u95_m3, digits);
-}
-
-/// Peak resident memory of this process, MiB.
-double PeakRss_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 /// Change of volume since `before`, and how fast it went. Without two volumes in this order both are unknown.

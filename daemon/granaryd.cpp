@@ -49,8 +49,7 @@ granary::ServicePlan LoadPlan(const std::filesystem::path& file, const std::file
     const std::string text = granary::PrintConfig(config);
     std::vector<granary::BinSetup> setups;
     for (const auto& bin : config.bins) {
-      const granary::BinOptions options{bin.bin, bin.inventory, bin.schedule, bin.cycle, bin.pipeline, bin.rigs};
-      setups.push_back(granary::AssembleBin(options, state_folder, granary::OpenRig, text));
+      setups.push_back(granary::AssembleBin(bin, state_folder, granary::OpenRig, text));
     }
     return setups;
   };

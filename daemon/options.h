@@ -8,6 +8,10 @@
 #include <string_view>
 #include <vector>
 
+#include "drivers/options.h"
+#include "pipeline/options.h"
+#include "pipeline/types/bin.h"
+
 namespace granary {
 
 /// When a bin is measured: every so often, or at times of the day.
@@ -23,6 +27,16 @@ struct CycleOptions {
   std::chrono::milliseconds retry_delay{2000};
   std::optional<double> max_rate_m3_h;       ///< a faster change of volume is implausible; empty: no gate
   std::chrono::milliseconds stale_after{0};  ///< age at which a figure is stale; 0: three times the schedule
+};
+
+/// What the configuration says of one bin.
+struct BinConfig {
+  Bin bin;
+  Inventory inventory;
+  ScheduleOptions schedule;
+  CycleOptions cycle;
+  PipelineOptions pipeline;
+  std::vector<RigOptions> rigs;
 };
 
 struct ModbusTcpOptions {

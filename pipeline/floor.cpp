@@ -15,21 +15,11 @@ namespace {
 
 constexpr double kMaxFloorSlope = 0.3;
 
-double DistanceToPolygon_m(const Polygon& polygon, const Eigen::Vector2d& place) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Eigen::Vector2d a = polygon[i], ab = polygon[(i + 1) % polygon.size()] - a;
-    const double along = std::clamp((place - a).dot(ab) / ab.squaredNorm(), 0.0, 1.0);
-    nearest = std::min(nearest, (place - a - along * ab).norm());
-  }
-  return nearest;
-}
-
 }  // namespace
 
 double DistanceToEdge_m(const Bin& bin, const Eigen::Vector2d& place) {
-  double nearest = DistanceToPolygon_m(bin.footprint_m, place);
-  for (const auto& hole : bin.exclude_m) nearest = std::min(nearest, DistanceToPolygon_m(hole, place));
+  double nearest = DistanceToBorder_m(bin.footprint_m, place);
+  for (const auto& hole : bin.exclude_m) nearest = std::min(nearest, DistanceToBorder_m(hole, place));
   return nearest;
 }
 
@@ -60,14 +50,10 @@ Floor::Floor(std::span<const Eigen::Vector3d> points, const Bin& bin, double cel
     if (std::abs(off) <= tolerance_m) floor_points.push_back(point);
   }
   const LocalPlanes planes(floor_points, cell_m);
-  Eigen::Vector2d low = bin.footprint_m[0], high = low;
-  for (const auto& corner : bin.footprint_m) {
-    low = low.cwiseMin(corner);
-    high = high.cwiseMax(corner);
-  }
-  origin_ = low;
-  columns_ = static_cast<int>(std::ceil((high.x() - low.x()) / cell_m)) + 1;
-  rows_ = static_cast<int>(std::ceil((high.y() - low.y()) / cell_m)) + 1;
+  const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
+  origin_ = box.min();
+  columns_ = static_cast<int>(std::ceil(box.sizes().x() / cell_m)) + 1;
+  rows_ = static_cast<int>(std::ceil(box.sizes().y() / cell_m)) + 1;
   nodes_.resize(static_cast<std::size_t>(columns_) * rows_);
   for (int j = 0; j < rows_; ++j) {
     for (int i = 0; i < columns_; ++i) {

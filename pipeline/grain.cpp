@@ -76,18 +76,14 @@ GrainPoints FindGrain(const cv::Mat& points, const cv::Mat& disparity, const cv:
   std::vector<Eigen::Vector3f> candidates;
   std::vector<cv::Point> pixels;
   std::size_t above = 0;
-  Eigen::Vector2d low = bin.footprint_m[0], high = low;
-  for (const auto& corner : bin.footprint_m) {
-    low = low.cwiseMin(corner);
-    high = high.cwiseMax(corner);
-  }
+  const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
   for (int y = 0; y < points.rows; ++y) {
     for (int x = 0; x < points.cols; ++x) {
       const auto& p = points.at<cv::Vec3f>(y, x);
       if (!std::isfinite(p[2]) || rejected.at<std::uint8_t>(y, x)) continue;
       const Eigen::Vector2d place(p[0], p[1]);
-      if ((place.array() < low.array()).any() || (place.array() > high.array()).any()) continue;
-      if (!IsGrainFloor(bin, place) || DistanceToEdge_m(bin, place) <= options.edge_margin_m) continue;
+      if (!box.contains(place) || !IsGrainFloor(bin, place) || DistanceToEdge_m(bin, place) <= options.edge_margin_m)
+        continue;
       candidates.emplace_back(p[0], p[1], p[2]);
       pixels.emplace_back(x, y);
       above += p[2] > bin.height_m + options.segment_distance_m;

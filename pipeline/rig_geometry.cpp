@@ -34,17 +34,13 @@ void MaskFloor(const Bin& bin, RigGeometry& geometry) {
   geometry.right_mask &= r.right_inside;
 
   constexpr int kSamples = 40;
-  Eigen::Vector2d low = bin.footprint_m[0], high = low;
-  for (const auto& corner : bin.footprint_m) {
-    low = low.cwiseMin(corner);
-    high = high.cwiseMax(corner);
-  }
+  const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
   int all = 0, seen = 0;
   const cv::Rect picture({0, 0}, r.size);
   for (int j = 0; j < kSamples; ++j) {
     for (int i = 0; i < kSamples; ++i) {
       const Eigen::Vector2d place =
-          low + (high - low).cwiseProduct(Eigen::Vector2d((i + 0.5) / kSamples, (j + 0.5) / kSamples));
+          box.min() + box.sizes().cwiseProduct(Eigen::Vector2d((i + 0.5) / kSamples, (j + 0.5) / kSamples));
       if (!IsGrainFloor(bin, place)) continue;
       ++all;
       const Eigen::Vector3d p = geometry.rectified_from_world * Eigen::Vector3d(place.x(), place.y(), 0);

@@ -25,13 +25,10 @@ constexpr double kMaxSlope = 1.0;          // 45°: steeper than any grain lies
 class Occupancy {
  public:
   Occupancy(std::span<const Eigen::Vector3d> points, const Bin& bin, double cell_m) : cell_m_(cell_m) {
-    low_ = high_ = bin.footprint_m[0];
-    for (const auto& corner : bin.footprint_m) {
-      low_ = low_.cwiseMin(corner);
-      high_ = high_.cwiseMax(corner);
-    }
-    columns_ = static_cast<int>(std::ceil((high_.x() - low_.x()) / cell_m)) + 1;
-    rows_ = static_cast<int>(std::ceil((high_.y() - low_.y()) / cell_m)) + 1;
+    const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
+    low_ = box.min();
+    columns_ = static_cast<int>(std::ceil(box.sizes().x() / cell_m)) + 1;
+    rows_ = static_cast<int>(std::ceil(box.sizes().y() / cell_m)) + 1;
     cells_.assign(static_cast<std::size_t>(columns_) * rows_, 0);
     for (const auto& p : points) {
       const int i = static_cast<int>((p.x() - low_.x()) / cell_m), j = static_cast<int>((p.y() - low_.y()) / cell_m);
@@ -55,7 +52,7 @@ class Occupancy {
 
  private:
   double cell_m_;
-  Eigen::Vector2d low_, high_;
+  Eigen::Vector2d low_;
   int columns_ = 0, rows_ = 0;
   std::vector<char> cells_;
 };

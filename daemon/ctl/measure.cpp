@@ -2,8 +2,6 @@
 // nothing and stores no record.
 #include <CLI/CLI.hpp>
 
-#include <sys/resource.h>
-
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -15,6 +13,7 @@
 #include "daemon/ctl/save_run.h"
 #include "daemon/ctl/setup.h"
 #include "daemon/ctl/summary.h"
+#include "daemon/memory.h"
 #include "daemon/record_json.h"
 #include "pipeline/reference_file.h"
 
@@ -55,13 +54,6 @@ std::optional<Reference> ReferenceFor(const ChosenBin& bin, std::size_t index, b
                              ": " + run.detail);
   }
   return std::move(run.reference);
-}
-
-/// Peak resident memory of this process, MiB.
-double PeakRss_mib() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {

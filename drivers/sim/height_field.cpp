@@ -48,16 +48,6 @@ std::array<double, 4> IntegrateNodeFunctions(const Polygon& part) {
   return sum;
 }
 
-double SquaredDistanceToBorder(const Polygon& polygon, const Eigen::Vector2d& point) {
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Eigen::Vector2d a = polygon[i], ab = polygon[(i + 1) % polygon.size()] - a;
-    const double s = std::clamp((point - a).dot(ab) / ab.squaredNorm(), 0.0, 1.0);
-    least = std::min(least, (point - a - s * ab).squaredNorm());
-  }
-  return least;
-}
-
 void AddWeights(const HeightField& grid, const Polygon& polygon, double sign, std::vector<double>& weights) {
   double twice_area = 0;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
@@ -79,7 +69,7 @@ void AddWeights(const HeightField& grid, const Polygon& polygon, double sign, st
     for (int i = 0; i + 1 < grid.columns; ++i) {
       const Eigen::Vector2d centre(i + 0.5, j + 0.5);
       std::array<double, 4> share{0.25, 0.25, 0.25, 0.25};
-      if (SquaredDistanceToBorder(in_cells, centre) > 0.5) {  // half a cell's diagonal, squared: not cut
+      if (DistanceToBorder_m(in_cells, centre) > std::sqrt(0.5)) {  // half a cell's diagonal, in cells: not cut
         if (!Contains(in_cells, centre)) continue;
       } else {
         Polygon part = ClipHalfPlane(in_cells, 0, i, -1);

@@ -1,6 +1,8 @@
 #include "pipeline/types/bin.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace granary {
 
@@ -12,6 +14,22 @@ double Area_m2(const Polygon& polygon) {
     twice += a.x() * b.y() - b.x() * a.y();
   }
   return std::abs(twice) / 2;
+}
+
+Eigen::AlignedBox2d Bounds(const Polygon& polygon) {
+  Eigen::AlignedBox2d box;
+  for (const auto& corner : polygon) box.extend(corner);
+  return box;
+}
+
+double DistanceToBorder_m(const Polygon& polygon, const Eigen::Vector2d& point) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector2d a = polygon[i], ab = polygon[(i + 1) % polygon.size()] - a;
+    const double along = std::clamp((point - a).dot(ab) / ab.squaredNorm(), 0.0, 1.0);
+    nearest = std::min(nearest, (point - a - along * ab).norm());
+  }
+  return nearest;
 }
 
 double GrainFloor_m2(const Bin& bin) {

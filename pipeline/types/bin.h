@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace granary {
 
@@ -33,6 +33,10 @@ struct Inventory {
 
 /// Area of a polygon, m² (shoelace; positive whatever the winding).
 [[nodiscard]] double Area_m2(const Polygon& polygon);
+/// The smallest upright rectangle around a polygon.
+[[nodiscard]] Eigen::AlignedBox2d Bounds(const Polygon& polygon);
+/// Distance from `point` to the nearest edge of the polygon, m; inside or outside.
+[[nodiscard]] double DistanceToBorder_m(const Polygon& polygon, const Eigen::Vector2d& point);
 /// Area of the footprint less the excluded polygons inside it, m².
 [[nodiscard]] double GrainFloor_m2(const Bin& bin);
 /// Volume of the bin up to its height, m³.
