@@ -25,6 +25,13 @@ inline bool SamePicture(const cv::Mat& a, const cv::Mat& b) {
   return a.type() == b.type() && a.size() == b.size() && cv::norm(a, b, cv::NORM_INF) == 0;
 }
 
+/// `text` with the first `from` made `to`; a test that spoils what is not there has failed.
+inline std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
 /// The text of the FileError that `action` throws; empty (and a failure) when it throws none.
 inline std::string FaultOf(const std::function<void()>& action) {
   try {
