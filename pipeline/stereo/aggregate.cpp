@@ -1,387 +1,450 @@
-// Three sweeps over the picture share one volume of sums. Horizontal paths stay inside a row, so rows run in parallel;
-// the three downward and the three upward paths need the row before: the two sweeps run side by side, and since whole
-// numbers add up in any order, the sums do not depend on which of them reaches a row first.
-// Costs are recomputed from the census words wherever they are needed: a popcount is cheaper than a volume of bytes.
+// Two sweeps, one down and one up, follow four paths each: the three from the row before and the one along the row.
+// Where a sweep comes first it keeps its sums, where it comes second it adds its own and picks the winners; they meet
+// in the middle and then walk over each other's rows. When the sums to be kept exceed the budget, each half is cut into
+// bands: a sweep follows its paths to the last band of its half, and runs over the earlier ones again, from where it
+// stood, when their turn comes.
+// A row may be a segment behind the row before it, so that several threads can share a sweep. Everything is whole
+// numbers, and no result depends on who was first.
 #include "pipeline/stereo/aggregate.h"
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
-#include <mutex>
+#include <limits>
 #include <stdexcept>
+#include <string>
+#include <thread>
 #include <vector>
-
-#include "pipeline/large_pages.h"
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
+#include <tbb/partitioner.h>
+#include <tbb/task_arena.h>
 
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "pipeline/stereo/aggregate.cpp"
-#include <hwy/foreach_target.h>
-#include <hwy/highway.h>
+#include "pipeline/stereo/path_kernels.h"
 
-HWY_BEFORE_NAMESPACE();
 namespace granary {
-namespace HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
-// Hamming distances of one left word against `count` right words; `reversed` is the right row back to front, so that
-// the disparity runs with the address.
-void HammingRun(std::uint64_t word, const std::uint64_t* HWY_RESTRICT reversed, int count,
-                std::uint8_t* HWY_RESTRICT cost) {
-  const hn::ScalableTag<std::uint64_t> d64;
-  const hn::Rebind<std::uint8_t, decltype(d64)> d8;
-  const std::size_t lanes = hn::Lanes(d64);
-  const auto left = hn::Set(d64, word);
-  std::size_t d = 0;
-  for (; d + lanes <= static_cast<std::size_t>(count); d += lanes) {
-    const auto bits = hn::PopulationCount(hn::Xor(left, hn::LoadU(d64, reversed + d)));
-    hn::StoreU(hn::TruncateTo(d8, bits), d8, cost + d);
-  }
-  for (; d < static_cast<std::size_t>(count); ++d) {
-    cost[d] = static_cast<std::uint8_t>(hwy::PopCount(word ^ reversed[d]));
-  }
-}
-
-// Costs C(x, d) of one row, `stride` slots a pixel. The right column x − min − d must lie in 0 … width − 1.
-void CostRow(const std::uint64_t* left, const std::uint64_t* reversed, int width, DisparityRange range, int stride,
-             std::uint8_t bits, std::uint8_t* cost) {
-  for (int x = 0; x < width; ++x, cost += stride) {
-    const int first = std::clamp(x - range.min_px - (width - 1), 0, range.count);
-    const int last = std::clamp(x - range.min_px + 1, first, range.count);
-    std::memset(cost, bits, first);
-    if (last > first)
-      HammingRun(left[x], reversed + (width - 1 - (x - range.min_px - first)), last - first, cost + first);
-    std::memset(cost + last, bits, range.count - last);
-    // Padding slots carry a cost no real one reaches, so that they never become a minimum.
-    std::memset(cost + range.count, 255, stride - range.count);
-  }
-}
-
-// L_r(p, ·) for one vector of disparities from L_r(p − r, ·), which has a guard slot on both sides.
-template <class D16>
-HWY_INLINE hn::Vec<D16> PathValue(D16 d16, const std::uint16_t* before, hn::Vec<D16> jump, hn::Vec<D16> base,
-                                  hn::Vec<D16> p1, hn::Vec<D16> cost) {
-  const auto step = hn::SaturatedAdd(hn::Min(hn::LoadU(d16, before - 1), hn::LoadU(d16, before + 1)), p1);
-  const auto best = hn::Min(hn::Min(hn::LoadU(d16, before), jump), step);
-  return hn::Add(hn::Sub(best, base), cost);
-}
-
-// The two paths along a row; the first of them sets the sums. `path` has two rows of stride + 2 slots, `p2[x]` is the
-// penalty between x − 1 and x.
-void SweepRow(const std::uint8_t* cost, int width, int stride, std::uint16_t p1, const std::uint16_t* p2,
-              std::uint16_t* path, std::uint16_t* sums) {
-  const hn::ScalableTag<std::uint16_t> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto vp1 = hn::Set(d16, p1);
-  for (const int direction : {1, -1}) {
-    std::uint16_t* before = path + 1;
-    std::uint16_t* after = path + stride + 3;
-    std::fill(before, before + stride, std::uint16_t{0});
-    std::uint16_t least = 0;
-    for (int i = 0; i < width; ++i) {
-      const int x = direction > 0 ? i : width - 1 - i;
-      const std::uint16_t penalty = i == 0 ? p1 : p2[direction > 0 ? x : x + 1];
-      const auto jump = hn::Set(d16, static_cast<std::uint16_t>(least + penalty));
-      const auto base = hn::Set(d16, least);
-      const std::uint8_t* c = cost + static_cast<std::size_t>(x) * stride;
-      std::uint16_t* s = sums + static_cast<std::size_t>(x) * stride;
-      auto low = hn::Set(d16, 0xFFFF);
-      for (int d = 0; d < stride; d += lanes) {
-        const auto value = PathValue(d16, before + d, jump, base, vp1, hn::PromoteTo(d16, hn::LoadU(d8, c + d)));
-        low = hn::Min(low, value);
-        hn::StoreU(value, d16, after + d);
-        hn::StoreU(direction > 0 ? value : hn::Add(hn::LoadU(d16, s + d), value), d16, s + d);
-      }
-      least = hn::GetLane(hn::MinOfLanes(d16, low));
-      std::swap(before, after);
-    }
-  }
-}
-
-// The three paths that come from the row before, with dx = −1, 0, 1, added to the sums of one row. Pixel x of path k
-// lies at `rows[k] + x · (stride + 2) + 1`; its minimum at `minima[k][x]`; both arrays have one pixel more at either
-// end, which stand for the border.
-void SweepStep(const std::uint8_t* cost, int width, int stride, std::uint16_t p1, const std::uint16_t* const p2[3],
-               const std::uint16_t* const before[3], const std::uint16_t* const before_minima[3],
-               std::uint16_t* const after[3], std::uint16_t* const after_minima[3], std::uint16_t* sums) {
-  const hn::ScalableTag<std::uint16_t> d16;
-  const hn::Rebind<std::uint8_t, decltype(d16)> d8;
-  const int lanes = static_cast<int>(hn::Lanes(d16));
-  const auto vp1 = hn::Set(d16, p1);
-  const std::ptrdiff_t step = stride + 2;
-  for (int x = 0; x < width; ++x) {
-    const std::uint16_t* from0 = before[0] + (x - 1) * step + 1;
-    const std::uint16_t* from1 = before[1] + x * step + 1;
-    const std::uint16_t* from2 = before[2] + (x + 1) * step + 1;
-    const std::uint16_t m0 = before_minima[0][x - 1], m1 = before_minima[1][x], m2 = before_minima[2][x + 1];
-    const auto jump0 = hn::Set(d16, static_cast<std::uint16_t>(m0 + p2[0][x])), base0 = hn::Set(d16, m0);
-    const auto jump1 = hn::Set(d16, static_cast<std::uint16_t>(m1 + p2[1][x])), base1 = hn::Set(d16, m1);
-    const auto jump2 = hn::Set(d16, static_cast<std::uint16_t>(m2 + p2[2][x])), base2 = hn::Set(d16, m2);
-    std::uint16_t* to0 = after[0] + x * step + 1;
-    std::uint16_t* to1 = after[1] + x * step + 1;
-    std::uint16_t* to2 = after[2] + x * step + 1;
-    const std::uint8_t* c = cost + static_cast<std::size_t>(x) * stride;
-    std::uint16_t* s = sums + static_cast<std::size_t>(x) * stride;
-    auto low0 = hn::Set(d16, 0xFFFF), low1 = low0, low2 = low0;
-    for (int d = 0; d < stride; d += lanes) {
-      const auto vc = hn::PromoteTo(d16, hn::LoadU(d8, c + d));
-      const auto v0 = PathValue(d16, from0 + d, jump0, base0, vp1, vc);
-      const auto v1 = PathValue(d16, from1 + d, jump1, base1, vp1, vc);
-      const auto v2 = PathValue(d16, from2 + d, jump2, base2, vp1, vc);
-      low0 = hn::Min(low0, v0);
-      low1 = hn::Min(low1, v1);
-      low2 = hn::Min(low2, v2);
-      hn::StoreU(v0, d16, to0 + d);
-      hn::StoreU(v1, d16, to1 + d);
-      hn::StoreU(v2, d16, to2 + d);
-      hn::StoreU(hn::Add(hn::LoadU(d16, s + d), hn::Add(v0, hn::Add(v1, v2))), d16, s + d);
-    }
-    after_minima[0][x] = hn::GetLane(hn::MinOfLanes(d16, low0));
-    after_minima[1][x] = hn::GetLane(hn::MinOfLanes(d16, low1));
-    after_minima[2][x] = hn::GetLane(hn::MinOfLanes(d16, low2));
-  }
-}
-
-// Updates the best sum and disparity of the right pixels that one left pixel's sums belong to; `sums` begins at
-// disparity index `first`.
-void UpdateRight(const std::uint16_t* sums, int first, int count, std::uint16_t* best, std::uint16_t* index) {
-  const hn::ScalableTag<std::uint16_t> d16;
-  const std::size_t lanes = hn::Lanes(d16);
-  std::size_t d = 0;
-  for (; d + lanes <= static_cast<std::size_t>(count); d += lanes) {
-    const auto value = hn::LoadU(d16, sums + d);
-    const auto old = hn::LoadU(d16, best + d);
-    const auto better = hn::Lt(value, old);
-    hn::StoreU(hn::Min(value, old), d16, best + d);
-    const auto here = hn::Add(hn::Iota(d16, 0), hn::Set(d16, static_cast<std::uint16_t>(first + d)));
-    hn::StoreU(hn::IfThenElse(better, here, hn::LoadU(d16, index + d)), d16, index + d);
-  }
-  for (; d < static_cast<std::size_t>(count); ++d) {
-    if (sums[d] < best[d]) {
-      best[d] = sums[d];
-      index[d] = static_cast<std::uint16_t>(first + d);
-    }
-  }
-}
-
-// Smallest of `count` sums.
-std::uint16_t LeastSum(const std::uint16_t* sums, int count) {
-  const hn::ScalableTag<std::uint16_t> d16;
-  const std::size_t lanes = hn::Lanes(d16);
-  auto least = hn::Set(d16, 0xFFFF);
-  std::size_t d = 0;
-  for (; d + lanes <= static_cast<std::size_t>(count); d += lanes) least = hn::Min(least, hn::LoadU(d16, sums + d));
-  std::uint16_t result = hn::GetLane(hn::MinOfLanes(d16, least));
-  for (; d < static_cast<std::size_t>(count); ++d) result = std::min(result, sums[d]);
-  return result;
-}
-
-}  // namespace HWY_NAMESPACE
-}  // namespace granary
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace granary {
-
-HWY_EXPORT(CostRow);
-HWY_EXPORT(SweepRow);
-HWY_EXPORT(SweepStep);
-HWY_EXPORT(UpdateRight);
-HWY_EXPORT(LeastSum);
 
 namespace {
 
-// A function pointer taken before the processor was looked at would look at it again on every call.
-void ChooseInstructionSet() {
-  static const bool chosen = (hwy::GetChosenTarget().Update(hwy::SupportedTargets()), true);
-  static_cast<void>(chosen);
+constexpr int kPaths = 3;  // from the row before: straight on, from the pixel before, from the pixel after
+constexpr int kPathsInAll = 8;
+constexpr int kMaxRowsInWork = 32;  // of one sweep at a time
+
+// Path costs of the row before a sweep's next one. Slots move along with the diagonal paths, so that each is read and
+// written in one place: pixel i of row j is slot i, i − j and i + j of the three paths, modulo `ring`.
+template <typename Cost>
+struct PathSlots {
+  int ring = 0, stride = 0;
+  Cost* block = nullptr;
+  [[nodiscard]] static int Ring(int width) { return width + 2 * kMaxRowsInWork; }
+  [[nodiscard]] static std::size_t Count(int ring, int stride) {
+    const std::size_t count = static_cast<std::size_t>(kPaths) * ring * (stride + 1);
+    return (count + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple;
+  }
+  [[nodiscard]] Cost* Path(int k) const { return block + static_cast<std::size_t>(k) * ring * stride; }
+  [[nodiscard]] Cost* Least(int k) const { return Path(kPaths) + static_cast<std::size_t>(k) * ring; }
+  [[nodiscard]] int Place(int k, int i, int j) const {
+    const int place = (k == 0 ? i : k == 1 ? i - j : i + j) % ring;
+    return place < 0 ? place + ring : place;
+  }
+  /// All zero: a path that begins here.
+  void Clear(int k, int place) const {
+    std::fill_n(Path(k) + static_cast<std::size_t>(place) * stride, stride, Cost{0});
+    Least(k)[place] = 0;
+  }
+  void ClearAll() const { std::fill_n(block, Count(ring, stride), Cost{0}); }
+  void CopyFrom(const PathSlots& other) const { std::copy_n(other.block, Count(ring, stride), block); }
+};
+
+void Prefetch(const void* data, std::size_t bytes) {
+  for (std::size_t at = 0; at < bytes; at += 64) __builtin_prefetch(static_cast<const char*>(data) + at);
 }
 
-constexpr int kLaneMultiple = 32;  // 16-bit lanes of the widest vectors (AVX-512)
-constexpr std::uint16_t kGuard = 0xFFFF;
+enum class Visit { kPathsOnly, kKeepSums, kPickWinners };
 
-// The costs of any row, recomputed from the census words.
-class CostRows {
+// One way through the picture: rows and pixels in reading order, or both backwards.
+struct Direction {
+  bool forward;
+  int width, height;
+  [[nodiscard]] int Row(int j) const { return forward ? j : height - 1 - j; }
+  [[nodiscard]] int Column(int i) const { return forward ? i : width - 1 - i; }
+};
+
+// P2 of every pixel of a row, in the order of the sweep, for the step from (i − di, j − dj).
+template <typename Cost>
+void Penalties(const AggregateOptions& options, const Direction& way, int j, int dj, int di, std::vector<Cost>& p2) {
+  p2.assign(way.width, static_cast<Cost>(options.p2));
+  if (options.guide == nullptr || j - dj < 0) return;
+  const float* here = options.guide->ptr<float>(way.Row(j));
+  const float* there = options.guide->ptr<float>(way.Row(j - dj));
+  for (int i = std::max(0, di); i < std::min(way.width, way.width + di); ++i) {
+    const double gradient = std::abs(here[way.Column(i)] - there[way.Column(i - di)]) * options.guide_scale;
+    p2[i] = static_cast<Cost>(std::max<double>(options.p1 + 1, options.p2 / std::max(gradient, 1.0)));
+  }
+}
+
+template <typename Cost>
+class Aggregation {
  public:
-  CostRows(const CensusImage& left, const CensusImage& right, DisparityRange range, int stride, int bits)
-      : left_(left), right_(right), range_(range), stride_(stride), bits_(static_cast<std::uint8_t>(bits)) {}
-
-  /// Costs of row y, stride slots a pixel; `reversed` is scratch.
-  void Compute(int y, std::vector<std::uint64_t>& reversed, std::vector<std::uint8_t>& cost) const {
-    reversed.resize(left_.width);
-    cost.resize(static_cast<std::size_t>(left_.width) * stride_);
-    std::reverse_copy(right_.Row(y), right_.Row(y) + left_.width, reversed.begin());
-    HWY_DYNAMIC_DISPATCH(CostRow)(left_.Row(y), reversed.data(), left_.width, range_, stride_, bits_, cost.data());
+  Aggregation(const CensusImage& left, const CensusImage& right, DisparityRange range, const AggregateOptions& options,
+              Winners& winners)
+      : left_(left), right_(right), range_(range), options_(options), winners_(winners) {
+    stride_ = (range.count + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple;
+    chunks_ = stride_ / kChunk;
+    offset_ = -range.min_px - (range.count - 1);
+    padding_.Reserve(stride_);
+    tags_.Reserve(stride_);
+    for (int e = 0; e < stride_; ++e) {
+      const bool real = e < range.count;
+      padding_.data()[e] = real ? Cost{0} : std::numeric_limits<Cost>::max();
+      tags_.data()[e] = real ? static_cast<Key<Cost>>(kChunk - 1 - e % kChunk) : std::numeric_limits<Key<Cost>>::max();
+    }
+    constexpr int kMostSum = static_cast<int>(std::numeric_limits<Key<Cost>>::max() >> kTagBits) - 1;
+    for (int sum = 0; sum <= kPathsInAll * (options.census_bits + options.p2); ++sum) {
+      const double limit = std::min<double>(sum * (1.0 + options.uniqueness), kMostSum);
+      near_.push_back(static_cast<Key<Cost>>(static_cast<Key<Cost>>(limit) << kTagBits | (kChunk - 1)));
+    }
+    winners_.left_index.create(left.height, left.width, CV_16SC1);
+    winners_.right_index.create(left.height, left.width, CV_16SC1);
+    winners_.subpixel.create(left.height, left.width, CV_32FC1);
+    winners_.unique.create(left.height, left.width, CV_8UC1);
   }
 
+  void Run(AggregateBuffers& buffers);
+
  private:
+  struct Sweep {
+    Direction way;
+    PathSlots<Cost> slots;
+  };
+  // What one thread needs for one row.
+  struct Scratch {
+    RawArray<std::uint8_t> cost, right;
+    RawArray<Cost> row_path, sums;
+    RawArray<Key<Cost>> keys, best_right, right_winners;
+    std::vector<Cost> p2[kPaths + 1];
+    int j = 0, y = 0;
+    CostRow row;
+    Cost row_least = 0;
+    Cost* kept = nullptr;
+  };
+
+  // Rows j0 … j1 − 1 of a sweep; `kept` holds the sums of those rows, the topmost one first.
+  struct Stretch {
+    Sweep* sweep;
+    int j0, j1;
+    Visit visit;
+    Cost* kept;
+    std::atomic<int> next{0};                  // row to be taken by a thread
+    std::vector<std::atomic<int>> progress{};  // pixels done, row by row
+    Stretch(Sweep& way, int from, int to, Visit what, Cost* sums)
+        : sweep(&way), j0(from), j1(to), visit(what), kept(sums), progress(to - from) {}
+  };
+
+  void RunBoth(Stretch forward, Stretch backward);
+  void Work(Stretch& stretch) const;
+  void BeginRow(const Stretch& stretch, int j, Scratch& scratch) const;
+  void RowPair(Stretch& stretch, int j, int rows, Scratch (&scratch)[2]) const;
+  PathRun<Cost> FirstRun(const Stretch& stretch, Scratch& scratch, int begin, int count, int at = 0) const;
+  void Pick(const Stretch& stretch, int begin, int count, Scratch& scratch) const;
+  void PickRightRow(Scratch& scratch) const;
+
+  [[nodiscard]] std::size_t RowSize() const { return static_cast<std::size_t>(left_.width) * stride_; }
+  [[nodiscard]] std::size_t RightStride() const { return left_.width + kChunk + kSegment + kLaneMultiple; }
+
   const CensusImage& left_;
   const CensusImage& right_;
   DisparityRange range_;
-  int stride_;
-  std::uint8_t bits_;
+  AggregateOptions options_;
+  int stride_ = 0, chunks_ = 0, offset_ = 0;
+  RawArray<Cost> padding_;
+  RawArray<Key<Cost>> tags_;
+  std::vector<Key<Cost>> near_;
+  Winners& winners_;  // each row belongs to one thread
 };
 
-// Path costs and minima of one row for three directions, with a border pixel of zeros at either end and guard slots
-// around each pixel.
-class PathRows {
- public:
-  PathRows(int width, int stride) : step_(stride + 2) {
-    for (int k = 0; k < 3; ++k) {
-      costs_[k].assign(static_cast<std::size_t>(width + 2) * step_, 0);
-      for (std::size_t at = 0; at < costs_[k].size(); at += step_) costs_[k][at] = costs_[k][at + step_ - 1] = kGuard;
-      minima_[k].assign(width + 2, 0);
+template <typename Cost>
+void Aggregation<Cost>::Run(AggregateBuffers& buffers) {
+  const int width = left_.width, height = left_.height;
+  const int own[2] = {height / 2, height - height / 2};  // rows on which a sweep comes first
+  const std::size_t budget_rows = std::max<std::size_t>(2, options_.sums_budget / (RowSize() * sizeof(Cost)));
+  const int bands = static_cast<int>((height + budget_rows - 1) / budget_rows);
+  const auto edge = [&](int way, int band) { return static_cast<int>(std::int64_t{own[way]} * band / bands); };
+  std::size_t band_rows = 0;
+  for (int band = 0; band < bands; ++band) {
+    for (int way = 0; way < 2; ++way) {
+      band_rows = std::max<std::size_t>(band_rows, edge(way, band + 1) - edge(way, band));
     }
   }
-  std::uint16_t* Costs(int k) { return costs_[k].data() + step_; }
-  std::uint16_t* Minima(int k) { return minima_[k].data() + 1; }
-
- private:
-  int step_;
-  std::vector<std::uint16_t> costs_[3], minima_[3];
-};
-
-class Penalty {
- public:
-  explicit Penalty(const AggregateOptions& options)
-      : p1_(static_cast<std::uint16_t>(options.p1)),
-        p2_(static_cast<std::uint16_t>(options.p2)),
-        guide_(options.guide),
-        scale_(options.guide_scale) {}
-  [[nodiscard]] std::uint16_t p1() const { return p1_; }
-  /// P2 of every pixel of row y for the step that comes from (y − dy, x − dx).
-  void Row(int y, int dy, int dx, int width, int height, std::vector<std::uint16_t>& p2) const {
-    p2.assign(width, p2_);
-    if (guide_ == nullptr || y - dy < 0 || y - dy >= height) return;
-    const float* here = guide_->ptr<float>(y);
-    const float* there = guide_->ptr<float>(y - dy);
-    for (int x = std::max(0, dx); x < std::min(width, width + dx); ++x) {
-      const double gradient = std::abs(here[x] - there[x - dx]) * scale_;
-      p2[x] = static_cast<std::uint16_t>(std::max<double>(p1_ + 1, p2_ / std::max(gradient, 1.0)));
-    }
+  buffers.sums.Reserve(2 * band_rows * RowSize() * sizeof(Cost));
+  Cost* kept[2];
+  for (int way = 0; way < 2; ++way) {
+    kept[way] = reinterpret_cast<Cost*>(buffers.sums.data()) + way * band_rows * RowSize();
   }
 
- private:
-  std::uint16_t p1_, p2_;
-  const cv::Mat* guide_;
-  double scale_;
-};
+  // Per way: where it stands, where it stood at the beginning of each band but the first and the last, and a copy to
+  // run over a band again.
+  const int ring = PathSlots<Cost>::Ring(width);
+  const std::size_t block = PathSlots<Cost>::Count(ring, stride_);
+  const int blocks = bands == 1 ? 1 : bands;
+  buffers.paths.Reserve(2 * blocks * block * sizeof(Cost));
+  const auto slots = [&](int way, int i) {
+    Cost* base = reinterpret_cast<Cost*>(buffers.paths.data());
+    return PathSlots<Cost>{ring, stride_, base + (static_cast<std::size_t>(way) * blocks + i) * block};
+  };
+  Sweep sweeps[2], again[2];
+  for (int way = 0; way < 2; ++way) {
+    const Direction direction{way == 0, width, height};
+    sweeps[way] = {direction, slots(way, 0)};
+    sweeps[way].slots.ClearAll();
+    if (bands > 1) again[way] = {direction, slots(way, 1)};
+  }
+  const auto checkpoint = [&](int way, int band) { return slots(way, 1 + band); };  // 1 ≤ band ≤ bands − 2
 
-void SweepRows(const CostRows& costs, const Penalty& penalty, CostSums& out) {
-  const auto sweep = HWY_DYNAMIC_DISPATCH(SweepRow);
-  tbb::parallel_for(tbb::blocked_range<int>(0, out.height, 4), [&](const tbb::blocked_range<int>& rows) {
-    std::vector<std::uint8_t> cost;
-    std::vector<std::uint64_t> reversed;
-    std::vector<std::uint16_t> path(2 * (out.stride + 2), kGuard), p2;
-    for (int y = rows.begin(); y < rows.end(); ++y) {
-      costs.Compute(y, reversed, cost);
-      penalty.Row(y, 0, 1, out.width, out.height, p2);
-      sweep(cost.data(), out.width, out.stride, penalty.p1(), p2.data(), path.data(), out.At(y, 0));
+  for (int band = 0; band + 1 < bands; ++band) {
+    if (band > 0) {
+      for (int way = 0; way < 2; ++way) checkpoint(way, band).CopyFrom(sweeps[way].slots);
     }
-  });
+    RunBoth({sweeps[0], edge(0, band), edge(0, band + 1), Visit::kPathsOnly, nullptr},
+            {sweeps[1], edge(1, band), edge(1, band + 1), Visit::kPathsOnly, nullptr});
+  }
+  for (int band = bands - 1; band >= 0; --band) {
+    Sweep* first = sweeps;
+    if (band < bands - 1) {
+      first = again;
+      for (int way = 0; way < 2; ++way) {
+        if (band > 0) {
+          again[way].slots.CopyFrom(checkpoint(way, band));
+        } else {
+          again[way].slots.ClearAll();
+        }
+      }
+    }
+    RunBoth({first[0], edge(0, band), edge(0, band + 1), Visit::kKeepSums, kept[0]},
+            {first[1], edge(1, band), edge(1, band + 1), Visit::kKeepSums, kept[1]});
+    RunBoth({sweeps[0], height - edge(1, band + 1), height - edge(1, band), Visit::kPickWinners, kept[1]},
+            {sweeps[1], height - edge(0, band + 1), height - edge(0, band), Visit::kPickWinners, kept[0]});
+  }
 }
 
-// Paths from the row before (dy = 1: downwards, dy = −1: upwards) with dx = 1, 0, −1. `row_locks` has one mutex a row:
-// the sweep that goes down and the one that goes up add to the same sums.
-void SweepColumns(const CostRows& costs, const Penalty& penalty, int dy, std::vector<std::mutex>& row_locks,
-                  CostSums& out) {
-  const auto step = HWY_DYNAMIC_DISPATCH(SweepStep);
-  PathRows rows[2] = {PathRows(out.width, out.stride), PathRows(out.width, out.stride)};
-  std::vector<std::uint8_t> cost;
-  std::vector<std::uint64_t> reversed;
-  std::vector<std::uint16_t> p2[3];
-  for (int i = 0; i < out.height; ++i) {
-    const int y = dy > 0 ? i : out.height - 1 - i;
-    PathRows &before = rows[i % 2], &after = rows[1 - i % 2];
-    costs.Compute(y, reversed, cost);
-    for (int k = 0; k < 3; ++k) penalty.Row(y, dy, 1 - k, out.width, out.height, p2[k]);
-    const std::uint16_t* const p2s[3] = {p2[0].data(), p2[1].data(), p2[2].data()};
-    const std::uint16_t* const from[3] = {before.Costs(0), before.Costs(1), before.Costs(2)};
-    const std::uint16_t* const from_minima[3] = {before.Minima(0), before.Minima(1), before.Minima(2)};
-    std::uint16_t* const to[3] = {after.Costs(0), after.Costs(1), after.Costs(2)};
-    std::uint16_t* const to_minima[3] = {after.Minima(0), after.Minima(1), after.Minima(2)};
-    const std::scoped_lock lock(row_locks[y]);
-    step(cost.data(), out.width, out.stride, penalty.p1(), p2s, from, from_minima, to, to_minima, out.At(y, 0));
+template <typename Cost>
+void Aggregation<Cost>::RunBoth(Stretch forward, Stretch backward) {
+  const int workers = std::clamp(tbb::this_task_arena::max_concurrency() / 2, 1, kMaxRowsInWork);
+  tbb::parallel_for(
+      tbb::blocked_range<int>(0, 2 * workers, 1),
+      [&](const tbb::blocked_range<int>& tasks) {
+        for (int task = tasks.begin(); task < tasks.end(); ++task) Work(task % 2 == 0 ? forward : backward);
+      },
+      tbb::simple_partitioner());
+}
+
+template <typename Cost>
+void Aggregation<Cost>::Work(Stretch& stretch) const {
+  Scratch scratch[2];
+  for (Scratch& one : scratch) {
+    one.cost.Reserve(static_cast<std::size_t>(kSegment) * stride_);
+    one.right.Reserve(PreparedBytes(left_.width, stride_, left_.bytes));
+    std::fill_n(one.right.data(), one.right.capacity(), std::uint8_t{0});
+    one.row_path.Reserve(stride_);
+    if (stretch.visit != Visit::kPickWinners) continue;
+    one.sums.Reserve(static_cast<std::size_t>(kSegment) * stride_);
+    one.keys.Reserve(static_cast<std::size_t>(kSegment) * chunks_ * kKeyStride);
+    std::fill_n(one.keys.data(), one.keys.capacity(), std::numeric_limits<Key<Cost>>::max());
+    one.best_right.Reserve(chunks_ * RightStride());
+    one.right_winners.Reserve(2 * static_cast<std::size_t>(left_.width));
   }
+  // Rows are taken in order, so the row before any that is waited for is in the hands of a running thread.
+  const int rows = stretch.j1 - stretch.j0;
+  for (int row = stretch.next.fetch_add(2); row < rows; row = stretch.next.fetch_add(2)) {
+    RowPair(stretch, stretch.j0 + row, std::min(2, rows - row), scratch);
+  }
+}
+
+template <typename Cost>
+void Aggregation<Cost>::BeginRow(const Stretch& stretch, int j, Scratch& scratch) const {
+  const Sweep& sweep = *stretch.sweep;
+  const Direction& way = sweep.way;
+  scratch.j = j;
+  scratch.y = way.Row(j);
+  CostRow& row = scratch.row;
+  row.left = left_.Row(scratch.y);
+  row.right = scratch.right.data();
+  row.right_stride = PreparedPlaneStride(way.width, stride_);
+  row.bytes = left_.bytes;
+  row.width = way.width;
+  row.count = range_.count;
+  row.stride = stride_;
+  row.offset = offset_;
+  row.outside = static_cast<std::uint8_t>(options_.census_bits);
+  PrepareRight(right_.Row(scratch.y), row, scratch.right.data());
+  if (stretch.visit == Visit::kPickWinners) {
+    std::fill_n(scratch.best_right.data(), chunks_ * RightStride(), std::numeric_limits<Key<Cost>>::max());
+  }
+  if (options_.guide != nullptr || scratch.p2[0].empty()) {
+    Penalties(options_, way, j, 1, 0, scratch.p2[0]);
+    Penalties(options_, way, j, 1, 1, scratch.p2[1]);
+    Penalties(options_, way, j, 1, -1, scratch.p2[2]);
+    Penalties(options_, way, j, 0, 1, scratch.p2[3]);
+  }
+  // Paths that come in from the side.
+  sweep.slots.Clear(1, sweep.slots.Place(1, 0, j));
+  sweep.slots.Clear(2, sweep.slots.Place(2, way.width - 1, j));
+  std::fill_n(scratch.row_path.data(), stride_, Cost{0});
+  scratch.row_least = 0;
+  if (stretch.kept != nullptr) {
+    const int top_row = way.forward ? way.Row(stretch.j0) : way.Row(stretch.j1 - 1);
+    scratch.kept = stretch.kept + (scratch.y - top_row) * RowSize();
+  }
+}
+
+template <typename Cost>
+void Aggregation<Cost>::RowPair(Stretch& stretch, int j, int rows, Scratch (&scratch)[2]) const {
+  const Direction& way = stretch.sweep->way;
+  for (int r = 0; r < rows; ++r) BeginRow(stretch, j + r, scratch[r]);
+  std::atomic<int>* done = &stretch.progress[j - stretch.j0];
+  // The second row is a segment behind the first one, on which it stands.
+  for (int i = 0; i < way.width + (rows - 1) * kSegment; i += kSegment) {
+    PathRun<Cost> runs[2];
+    int begin[2] = {}, count[2] = {};
+    for (int r = 0; r < rows; ++r) {
+      begin[r] = i - r * kSegment;
+      count[r] = begin[r] < 0 ? 0 : std::clamp(way.width - begin[r], 0, kSegment);
+      if (count[r] == 0) continue;
+      if (r == 0 && j > stretch.j0) {
+        const int wanted = std::min(way.width, i + count[r] + 1);  // one path comes from the pixel after
+        while (done[-1].load(std::memory_order_acquire) < wanted) std::this_thread::yield();
+      }
+      ComputeCosts(scratch[r].row, way.Column(begin[r]), way.forward ? 1 : -1, count[r], scratch[r].cost.data());
+      if (stretch.visit == Visit::kPickWinners) {
+        const int leftmost = way.forward ? begin[r] : way.Column(begin[r] + count[r] - 1);
+        Prefetch(scratch[r].kept + static_cast<std::size_t>(leftmost) * stride_,
+                 static_cast<std::size_t>(count[r]) * stride_ * sizeof(Cost));
+      }
+      runs[r] = FirstRun(stretch, scratch[r], begin[r], count[r]);
+    }
+    if (runs[0].count == count[0] && runs[1].count == count[1] && count[0] > 0 && count[1] > 0) {
+      StepPaths(runs[0], &runs[1]);
+    } else {
+      for (int r = 0; r < rows; ++r) {
+        for (int at = 0; at < count[r]; at += runs[r].count) {
+          runs[r] = FirstRun(stretch, scratch[r], begin[r], count[r], at);
+          StepPaths(runs[r], nullptr);
+        }
+      }
+    }
+    for (int r = 0; r < rows; ++r) {
+      if (count[r] == 0) continue;
+      done[r].store(begin[r] + count[r], std::memory_order_release);
+      if (stretch.visit == Visit::kPickWinners) Pick(stretch, begin[r], count[r], scratch[r]);
+    }
+  }
+  if (stretch.visit != Visit::kPickWinners) return;
+  for (int r = 0; r < rows; ++r) PickRightRow(scratch[r]);
+}
+
+// Of the segment that begins at pixel `begin`, what follows its first `at` pixels up to where a ring of slots ends.
+template <typename Cost>
+PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scratch, int begin, int count,
+                                          int at) const {
+  const Sweep& sweep = *stretch.sweep;
+  const Direction& way = sweep.way;
+  PathRun<Cost> run;
+  run.stride = stride_;
+  run.padding = padding_.data();
+  run.p1 = static_cast<Cost>(options_.p1);
+  run.row_path = scratch.row_path.data();
+  run.row_least = &scratch.row_least;
+  run.count = count - at;
+  for (int k = 0; k < kPaths; ++k) {
+    const int place = sweep.slots.Place(k, begin + at, scratch.j);
+    run.count = std::min(run.count, sweep.slots.ring - place);
+    run.paths[k] = sweep.slots.Path(k) + static_cast<std::size_t>(place) * stride_;
+    run.least[k] = sweep.slots.Least(k) + place;
+  }
+  for (int k = 0; k <= kPaths; ++k) run.p2[k] = scratch.p2[k].data() + begin + at;
+  run.cost = scratch.cost.data() + static_cast<std::size_t>(at) * stride_;
+  if (stretch.visit == Visit::kKeepSums) {
+    run.sums = scratch.kept + static_cast<std::size_t>(way.Column(begin + at)) * stride_;
+    run.sums_step = way.forward ? stride_ : -stride_;
+  } else if (stretch.visit == Visit::kPickWinners) {
+    run.sums = scratch.sums.data() + static_cast<std::size_t>(at) * stride_;
+    run.sums_step = stride_;
+  }
+  return run;
+}
+
+template <typename Cost>
+void Aggregation<Cost>::Pick(const Stretch& stretch, int begin, int count, Scratch& scratch) const {
+  const Direction& way = stretch.sweep->way;
+  WinnerRun<Cost> run;
+  run.x = way.forward ? begin : way.Column(begin + count - 1);
+  run.count = count;
+  run.width = way.width;
+  run.disparities = range_.count;
+  run.stride = stride_;
+  run.offset = offset_;
+  const std::ptrdiff_t step = way.forward ? stride_ : -stride_;
+  const std::size_t leftmost = way.forward ? 0 : static_cast<std::size_t>(count - 1) * stride_;
+  run.cost = scratch.cost.data() + leftmost;
+  run.sums[0] = scratch.kept + static_cast<std::size_t>(run.x) * stride_;
+  run.sums[1] = scratch.sums.data() + leftmost;
+  run.step[0] = run.step[2] = step;
+  run.step[1] = stride_;
+  run.tags = tags_.data();
+  run.keys = scratch.keys.data();
+  run.right = scratch.best_right.data();
+  run.right_stride = RightStride();
+  run.near = near_.data();
+  run.left_index = winners_.left_index.ptr<std::int16_t>(scratch.y) + run.x;
+  run.subpixel = winners_.subpixel.ptr<float>(scratch.y) + run.x;
+  run.unique = winners_.unique.ptr<std::uint8_t>(scratch.y) + run.x;
+  SelectWinners(run);
+}
+
+template <typename Cost>
+void Aggregation<Cost>::PickRightRow(Scratch& scratch) const {
+  RightRow<Cost> row;
+  row.width = left_.width;
+  row.disparities = range_.count;
+  row.stride = stride_;
+  row.offset = offset_;
+  row.right = scratch.best_right.data();
+  row.right_stride = RightStride();
+  row.sums = scratch.right_winners.data();
+  row.places = scratch.right_winners.data() + left_.width;
+  row.index = winners_.right_index.ptr<std::int16_t>(scratch.y);
+  PickRight(row);
+}
+
+// Whether bytes hold every path cost, the sums of four paths without C, and 16-bit keys the sums of all eight.
+bool FitsBytes(const AggregateOptions& options) {
+  const int path = options.census_bits + options.p2;
+  return path <= 254 && 4 * options.p2 <= 255 && 8 * path < (1 << (16 - kTagBits)) - 1;
 }
 
 }  // namespace
 
-CostSums AggregateCosts(const CensusImage& left, const CensusImage& right, DisparityRange range,
-                        const AggregateOptions& options) {
-  if (left.width != right.width || left.height != right.height || left.words.empty()) {
+void FindWinners(const CensusImage& left, const CensusImage& right, DisparityRange range,
+                 const AggregateOptions& options, AggregateBuffers& buffers, Winners& winners) {
+  if (left.width != right.width || left.height != right.height || left.bytes != right.bytes || left.width < 1 ||
+      left.height < 1) {
     throw std::invalid_argument("aggregation: the pictures must have one size and not be empty");
   }
-  if (range.count < 1) throw std::invalid_argument("aggregation: the disparity range is empty");
+  if (range.count < 1 || range.count > std::numeric_limits<std::int16_t>::max()) {
+    throw std::invalid_argument("aggregation: the number of disparities must be 1 to 32767");
+  }
+  if (options.p1 < 0 || options.p2 < options.p1 || options.p2 > 4000) {
+    throw std::invalid_argument("aggregation: penalties must be 0 <= P1 <= P2 <= 4000");
+  }
   ChooseInstructionSet();
-  CostSums out;
-  out.width = left.width;
-  out.height = left.height;
-  out.count = range.count;
-  out.stride = (range.count + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple;
-  out.sums = MakeLarge<std::uint16_t>(static_cast<std::size_t>(out.width) * out.height * out.stride);
-  const CostRows costs(left, right, range, out.stride, options.census_bits);
-  const Penalty penalty(options);
-  SweepRows(costs, penalty, out);
-  std::vector<std::mutex> row_locks(out.height);
-  tbb::parallel_invoke([&] { SweepColumns(costs, penalty, 1, row_locks, out); },
-                       [&] { SweepColumns(costs, penalty, -1, row_locks, out); });
-  return out;
-}
-
-Winners TakeWinners(const CostSums& sums, DisparityRange range, double uniqueness) {
-  const int width = sums.width, height = sums.height, count = sums.count;
-  ChooseInstructionSet();
-  Winners winners;
-  winners.left_index.create(height, width, CV_16SC1);
-  winners.right_index.create(height, width, CV_16SC1);
-  winners.subpixel.create(height, width, CV_32FC1);
-  winners.unique.create(height, width, CV_8UC1);
-  const auto update_right = HWY_DYNAMIC_DISPATCH(UpdateRight);
-  const auto least_sum = HWY_DYNAMIC_DISPATCH(LeastSum);
-  tbb::parallel_for(tbb::blocked_range<int>(0, height, 8), [&](const tbb::blocked_range<int>& rows) {
-    std::vector<std::uint16_t> best(static_cast<std::size_t>(width) + count), index(best.size());
-    for (int y = rows.begin(); y < rows.end(); ++y) {
-      std::fill(best.begin(), best.end(), kGuard);
-      std::int16_t* left_out = winners.left_index.ptr<std::int16_t>(y);
-      float* offset = winners.subpixel.ptr<float>(y);
-      std::uint8_t* unique = winners.unique.ptr<std::uint8_t>(y);
-      for (int x = 0; x < width; ++x) {
-        const std::uint16_t* s = sums.At(y, x);
-        const int first = std::clamp(x - range.min_px - (width - 1), 0, count);
-        const int last = std::clamp(x - range.min_px + 1, first, count);
-        left_out[x] = -1;
-        offset[x] = 0;
-        unique[x] = 0;
-        if (last == first) continue;
-        // slot = (width − 1 − right column): runs with d
-        const int slot = width - 1 - (x - range.min_px - first);
-        update_right(s + first, first, last - first, best.data() + slot, index.data() + slot);
-        const std::uint16_t least = least_sum(s + first, last - first);
-        const int d = static_cast<int>(std::find(s + first, s + last, least) - s);
-        left_out[x] = static_cast<std::int16_t>(d);
-        const double limit = least * (1.0 + uniqueness);
-        const auto rivals = [&](int from, int to) { return to > from && least_sum(s + from, to - from) <= limit; };
-        unique[x] = rivals(first, d - 1) || rivals(d + 2, last) ? 0 : 255;
-        if (d > first && d + 1 < last) {
-          const float down = static_cast<float>(s[d - 1]) - s[d], up = static_cast<float>(s[d + 1]) - s[d];
-          const float steeper = std::max(down, up);
-          offset[x] = steeper > 0 ? 0.5f * (down - up) / steeper : 0.0f;
-        }
-      }
-      std::int16_t* right_out = winners.right_index.ptr<std::int16_t>(y);
-      for (int x = 0; x < width; ++x) {
-        const int slot = width - 1 - x;
-        right_out[x] = best[slot] == kGuard ? std::int16_t{-1} : static_cast<std::int16_t>(index[slot]);
-      }
-    }
-  });
-  return winners;
+  if (FitsBytes(options)) {
+    Aggregation<std::uint8_t>(left, right, range, options, winners).Run(buffers);
+  } else {
+    Aggregation<std::uint16_t>(left, right, range, options, winners).Run(buffers);
+  }
 }
 
 }  // namespace granary
-#endif  // HWY_ONCE

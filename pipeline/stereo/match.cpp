@@ -87,7 +87,7 @@ void RemoveBlobs(cv::Mat& disparity, DisparityRange range, int area_px) {
 }  // namespace
 
 StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range, const StereoOptions& options,
-                         const cv::Mat& valid) {
+                         const cv::Mat& valid, MatchBuffers* buffers) {
   if (left.size() != right.size()) throw std::invalid_argument("matching: the pictures differ in size");
   if (left.type() != right.type()) throw std::invalid_argument("matching: the pictures differ in depth or channels");
   if (range.count < 1) throw std::invalid_argument("matching: the number of disparities must be at least 1");
@@ -98,18 +98,21 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
   }
   const cv::Mat left_grey = ToFloat(left, "left"), right_grey = ToFloat(right, "right");
   const int bits = CensusBits(options.census_width, options.census_height);
-  AggregateOptions aggregate{options.p1, options.p2, bits, nullptr, 1.0};
+  AggregateOptions aggregate;
+  aggregate.p1 = options.p1;
+  aggregate.p2 = options.p2;
+  aggregate.census_bits = bits;
   if (options.adaptive_p2) {
     aggregate.guide = &left_grey;
     aggregate.guide_scale = left.type() == CV_16UC1 ? 1.0 / 257 : 1.0;
   }
-  cv::Mat disparity;
-  {
-    const CostSums sums =
-        AggregateCosts(CensusTransform(left_grey, options.census_width, options.census_height),
-                       CensusTransform(right_grey, options.census_width, options.census_height), range, aggregate);
-    disparity = CheckedDisparity(TakeWinners(sums, range, options.uniqueness), range, options);
-  }
+  aggregate.uniqueness = options.uniqueness;
+  MatchBuffers own;
+  MatchBuffers& memory = buffers == nullptr ? own : *buffers;
+  CensusTransform(left_grey, options.census_width, options.census_height, memory.left_census);
+  CensusTransform(right_grey, options.census_width, options.census_height, memory.right_census);
+  FindWinners(memory.left_census, memory.right_census, range, aggregate, memory.aggregate, memory.winners);
+  cv::Mat disparity = CheckedDisparity(memory.winners, range, options);
   disparity.setTo(kInvalid, WithoutTexture(left_grey, options.census_width, options.census_height));
   if (!valid.empty()) disparity.setTo(kInvalid, valid == 0);
   RemoveBlobs(disparity, range, options.speckle_area_px);

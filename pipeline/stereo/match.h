@@ -5,6 +5,7 @@
 
 #include "pipeline/options.h"
 #include "pipeline/stereo/aggregate.h"
+#include "pipeline/stereo/census.h"
 
 namespace granary {
 
@@ -13,14 +14,23 @@ struct StereoResult {
   cv::Mat deviation_px;  ///< H×W, CV_32FC1, standard deviation, NaN invalid
 };
 
+/// Memory for pictures of one size, kept from one call to the next by whoever calls often.
+struct MatchBuffers {
+  CensusImage left_census, right_census;
+  AggregateBuffers aggregate;
+  Winners winners;
+};
+
 /// Disparity of every left pixel, `x_right = x_left − disparity`.
 ///
 /// @param left, right rectified grey, one size, 8- or 16-bit or CV_32FC1
 /// @param range disparities searched
 /// @param valid CV_8UC1 or empty; a pixel of the left picture with 0 there is invalid in the result
+/// @param buffers memory to use again; null allocates and gives it back
 /// @throws std::invalid_argument for pictures of different size, type or more than one channel, an empty range, or a
 ///   range that leaves no overlap
 [[nodiscard]] StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range,
-                                       const StereoOptions& options, const cv::Mat& valid = {});
+                                       const StereoOptions& options, const cv::Mat& valid = {},
+                                       MatchBuffers* buffers = nullptr);
 
 }  // namespace granary

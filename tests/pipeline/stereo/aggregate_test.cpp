@@ -15,26 +15,35 @@
 #include <hwy/highway.h>
 #include <hwy/targets.h>
 #include <tbb/global_control.h>
+#include <tbb/task_arena.h>
 #include <opencv2/core.hpp>
 
 namespace granary {
 namespace {
 
-CensusImage RandomCensus(cv::Size size, unsigned seed) {
+CensusImage RandomCensus(cv::Size size, unsigned seed, int bits = 62) {
   std::mt19937_64 random(seed);
-  CensusImage census{size.width, size.height, std::vector<std::uint64_t>(size.area())};
-  for (auto& word : census.words) word = random() >> 2;  // 62 bits
+  CensusImage census;
+  census.Resize(size.width, size.height, bits);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      const std::uint64_t word = random() >> (64 - bits);
+      for (int k = 0; k < census.bytes; ++k)
+        census.Row(y)[k * size.width + x] = static_cast<std::uint8_t>(word >> 8 * k);
+    }
+  }
   return census;
 }
 
 /// The right picture is the left one, moved by `shift` with a fifth of the words replaced: sums with a structure.
-CensusImage Moved(const CensusImage& left, int shift, unsigned seed) {
-  CensusImage right = RandomCensus({left.width, left.height}, seed);
+CensusImage Moved(const CensusImage& left, int shift, unsigned seed, int bits = 62) {
+  CensusImage right = RandomCensus({left.width, left.height}, seed, bits);
   std::mt19937 random(seed);
   for (int y = 0; y < left.height; ++y) {
     for (int x = 0; x < left.width; ++x) {
       const int from = x + shift;
-      if (from >= 0 && from < left.width && random() % 5 != 0) right.words[y * left.width + x] = left.Row(y)[from];
+      if (from < 0 || from >= left.width || random() % 5 == 0) continue;
+      for (int k = 0; k < left.bytes; ++k) right.Row(y)[k * left.width + x] = left.Row(y)[k * left.width + from];
     }
   }
   return right;
@@ -47,7 +56,7 @@ std::vector<std::vector<int>> SumsByDefinition(const CensusImage& left, const Ce
   const auto cost = [&](int x, int y, int d) {
     const int partner = x - range.min_px - d;
     if (partner < 0 || partner >= width) return options.census_bits;
-    return static_cast<int>(std::bitset<64>(left.Row(y)[x] ^ right.Row(y)[partner]).count());
+    return static_cast<int>(std::bitset<64>(left.Word(y, x) ^ right.Word(y, partner)).count());
   };
   std::vector<std::vector<int>> sums(static_cast<std::size_t>(width) * height, std::vector<int>(range.count, 0));
   for (const auto& [dx, dy] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, 1}, {1, -1}, {-1, -1}}) {
@@ -84,48 +93,125 @@ std::vector<std::vector<int>> SumsByDefinition(const CensusImage& left, const Ce
   return sums;
 }
 
-struct Case {
-  cv::Size size;
-  DisparityRange range;
-  int p1 = 10, p2 = 60;
-};
-void PrintTo(const Case& c, std::ostream* out) {
-  *out << c.size.width << "x" << c.size.height << " from " << c.range.min_px << " D " << c.range.count << " P " << c.p1
-       << "/" << c.p2;
+/// Winner takes all as METHOD §3 and the docstring say, from sums by definition.
+Winners WinnersByDefinition(const CensusImage& left, const CensusImage& right, DisparityRange range,
+                            const AggregateOptions& options) {
+  const int width = left.width, height = left.height;
+  const auto sums = SumsByDefinition(left, right, range, options);
+  Winners winners{cv::Mat(height, width, CV_16SC1, cv::Scalar(-1)), cv::Mat(height, width, CV_16SC1, cv::Scalar(-1)),
+                  cv::Mat::zeros(height, width, CV_32FC1), cv::Mat::zeros(height, width, CV_8UC1)};
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const auto seen = [&](int d) {
+        return d >= 0 && d < range.count && x - range.min_px - d >= 0 && x - range.min_px - d < width;
+      };
+      const auto& sum = sums[static_cast<std::size_t>(y) * width + x];
+      int best = -1, best_right = -1, least_right = 0;
+      for (int d = 0; d < range.count; ++d) {
+        if (seen(d) && (best < 0 || sum[d] < sum[best])) best = d;
+        const int source = x + range.min_px + d;  // the left pixel that the right pixel x belongs to
+        if (source < 0 || source >= width) continue;
+        const int value = sums[static_cast<std::size_t>(y) * width + source][d];
+        if (best_right < 0 || value < least_right) {
+          best_right = d;
+          least_right = value;
+        }
+      }
+      winners.left_index.at<std::int16_t>(y, x) = static_cast<std::int16_t>(best);
+      winners.right_index.at<std::int16_t>(y, x) = static_cast<std::int16_t>(best_right);
+      if (best < 0) continue;
+      bool unique = true;
+      for (int d = 0; d < range.count; ++d) {
+        unique = unique && !(seen(d) && std::abs(d - best) > 1 && sum[d] <= sum[best] * (1.0 + options.uniqueness));
+      }
+      winners.unique.at<std::uint8_t>(y, x) = unique ? 255 : 0;
+      if (!seen(best - 1) || !seen(best + 1)) continue;
+      // Shimizu and Okutomi 2001
+      const float down = static_cast<float>(sum[best - 1] - sum[best]),
+                  up = static_cast<float>(sum[best + 1] - sum[best]);
+      if (std::max(down, up) > 0) winners.subpixel.at<float>(y, x) = 0.5f * (down - up) / std::max(down, up);
+    }
+  }
+  return winners;
+}
+
+void ExpectEqual(const Winners& a, const Winners& b) {
+  EXPECT_EQ(cv::norm(a.left_index, b.left_index, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(a.right_index, b.right_index, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(a.subpixel, b.subpixel, cv::NORM_INF), 0);
+  EXPECT_EQ(cv::norm(a.unique, b.unique, cv::NORM_INF), 0);
+}
+
+Winners Find(const CensusImage& left, const CensusImage& right, DisparityRange range, const AggregateOptions& options) {
+  AggregateBuffers buffers;
+  Winners winners;
+  FindWinners(left, right, range, options, buffers, winners);
+  return winners;
 }
 
 void ExpectDefinition(const CensusImage& left, const CensusImage& right, DisparityRange range,
                       const AggregateOptions& options) {
-  const CostSums sums = AggregateCosts(left, right, range, options);
-  const auto truth = SumsByDefinition(left, right, range, options);
-  for (int y = 0; y < left.height; ++y) {
-    for (int x = 0; x < left.width; ++x) {
-      for (int d = 0; d < range.count; ++d) {
-        ASSERT_EQ(sums.At(y, x)[d], truth[static_cast<std::size_t>(y) * left.width + x][d])
-            << "pixel " << x << ", " << y << ", index " << d;
-      }
-    }
+  ExpectEqual(Find(left, right, range, options), WinnersByDefinition(left, right, range, options));
+}
+
+struct Case {
+  cv::Size size;
+  DisparityRange range;
+  int p1 = 10, p2 = 60, bits = 62;
+};
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.size.width << "x" << c.size.height << " from " << c.range.min_px << " D " << c.range.count << " P " << c.p1
+       << "/" << c.p2 << " bits " << c.bits;
+}
+
+AggregateOptions OptionsOf(const Case& c) {
+  AggregateOptions options;
+  options.p1 = c.p1;
+  options.p2 = c.p2;
+  options.census_bits = c.bits;
+  options.uniqueness = 0.02;
+  return options;
+}
+
+class FindWinnersCases : public testing::TestWithParam<Case> {};
+
+TEST_P(FindWinnersCases, EqualTheDefinition) {
+  const Case& c = GetParam();
+  const CensusImage left = RandomCensus(c.size, 1, c.bits);
+  ExpectDefinition(left, Moved(left, c.range.min_px + c.range.count / 3, 2, c.bits), c.range, OptionsOf(c));
+}
+INSTANTIATE_TEST_SUITE_P(
+    Cases, FindWinnersCases,
+    testing::Values(Case{{40, 30}, {0, 32}}, Case{{67, 19}, {5, 33}}, Case{{150, 12}, {0, 64}},
+                    Case{{150, 12}, {0, 65}}, Case{{300, 7}, {3, 200}},                    // up to and past a vector
+                    Case{{50, 1}, {3, 20}}, Case{{1, 50}, {0, 16}}, Case{{1, 1}, {0, 1}},  // strips
+                    Case{{64, 10}, {0, 16}}, Case{{65, 10}, {0, 16}},                // whole segments and one more
+                    Case{{31, 17}, {-12, 25}},                                       // both signs
+                    Case{{33, 12}, {-30, 7}}, Case{{33, 12}, {20, 64}},              // mostly, or partly, outside
+                    Case{{33, 12}, {-200, 7}}, Case{{33, 12}, {90, 7}},              // outside altogether
+                    Case{{24, 9}, {0, 100}}, Case{{24, 9}, {-90, 190}},              // more disparities than columns
+                    Case{{40, 20}, {2, 1}}, Case{{40, 20}, {2, 2}},                  // nearly no range
+                    Case{{45, 21}, {0, 31}, 1, 2}, Case{{45, 21}, {0, 31}, 10, 63},  // bytes and their limit
+                    Case{{45, 21}, {0, 31}, 10, 64},
+                    Case{{150, 21}, {0, 70}, 100, 1000},  // 16 bits and the options' limit
+                    Case{{60, 15}, {0, 40}, 10, 60, 8}, Case{{60, 15}, {0, 40}, 10, 60, 24},
+                    Case{{60, 15}, {0, 40}, 10, 60, 48}));  // 3×3, 5×5, 7×7
+
+TEST(FindWinners, FuzzedSizesEqualTheDefinition) {
+  std::mt19937 random(12);
+  const auto draw = [&](int low, int high) { return low + static_cast<int>(random() % (high - low + 1)); };
+  for (int i = 0; i < 60; ++i) {
+    Case c{{draw(1, 90), draw(1, 12)}, {draw(-40, 60), draw(1, 140)}, draw(1, 20), 0, draw(8, 62)};
+    c.p2 = c.p1 + draw(1, 80);  // on both sides of what bytes hold
+    SCOPED_TRACE(testing::PrintToString(c));
+    const CensusImage left = RandomCensus(c.size, i, c.bits);
+    AggregateOptions options = OptionsOf(c);
+    options.sums_budget = draw(0, 1) == 0 ? 1 : options.sums_budget;  // bands of a row, or all at once
+    ExpectDefinition(left, Moved(left, c.range.min_px + draw(0, c.range.count), i + 100, c.bits), c.range, options);
   }
 }
 
-class AggregateSizes : public testing::TestWithParam<Case> {};
-
-TEST_P(AggregateSizes, SumsEqualTheDefinition) {
-  const Case& c = GetParam();
-  const CensusImage left = RandomCensus(c.size, 1);
-  ExpectDefinition(left, Moved(left, c.range.min_px + c.range.count / 3, 2), c.range, {.p1 = c.p1, .p2 = c.p2});
-}
-INSTANTIATE_TEST_SUITE_P(
-    Cases, AggregateSizes,
-    testing::Values(Case{{40, 30}, {0, 32}}, Case{{67, 19}, {5, 33}},                      // just past a vector
-                    Case{{50, 1}, {3, 20}}, Case{{1, 50}, {0, 16}}, Case{{1, 1}, {0, 1}},  // strips
-                    Case{{31, 17}, {-12, 25}},                                             // both signs
-                    Case{{33, 12}, {-30, 7}}, Case{{33, 12}, {20, 64}},                    // mostly, or partly, outside
-                    Case{{24, 9}, {0, 100}},                         // more disparities than columns
-                    Case{{40, 20}, {2, 1}}, Case{{40, 20}, {2, 2}},  // nearly no range
-                    Case{{45, 21}, {0, 31}, 1, 2}, Case{{45, 21}, {0, 31}, 100, 1000}));  // the options' limits
-
-TEST(AggregateCosts, AdaptivePenaltyEqualsTheDefinition) {
+TEST(FindWinners, AdaptivePenaltyEqualsTheDefinition) {
   const CensusImage left = RandomCensus({41, 27}, 3);
   const CensusImage right = Moved(left, 9, 4);
   std::mt19937 random(5);
@@ -133,26 +219,57 @@ TEST(AggregateCosts, AdaptivePenaltyEqualsTheDefinition) {
   // from no gradient to one that brings P2 to its floor
   for (auto it = guide.begin<float>(); it != guide.end<float>(); ++it) *it = static_cast<float>(random() % 4096);
   guide(cv::Rect(10, 5, 12, 12)).setTo(100);
-  ExpectDefinition(left, right, {2, 37}, {.p1 = 10, .p2 = 400, .guide = &guide, .guide_scale = 0.01});
+  for (const int p2 : {60, 400}) {
+    AggregateOptions options = OptionsOf({{}, {}, 10, p2});
+    options.guide = &guide;
+    options.guide_scale = 0.01;
+    ExpectDefinition(left, right, {2, 37}, options);
+  }
 }
 
-TEST(AggregateCosts, AFlatGuideIsTheFixedPenalty) {
+TEST(FindWinners, AFlatGuideIsTheFixedPenalty) {
   const CensusImage left = RandomCensus({30, 20}, 6);
   const CensusImage right = Moved(left, 4, 7);
   const cv::Mat guide(20, 30, CV_32FC1, cv::Scalar(50));
-  EXPECT_EQ(AggregateCosts(left, right, {0, 16}, {.p1 = 10, .p2 = 60, .guide = &guide}).sums,
-            AggregateCosts(left, right, {0, 16}, {.p1 = 10, .p2 = 60}).sums);
+  AggregateOptions fixed, adaptive;
+  adaptive.guide = &guide;
+  ExpectEqual(Find(left, right, {0, 16}, adaptive), Find(left, right, {0, 16}, fixed));
 }
 
-TEST(AggregateCosts, ThreadsDoNotChangeTheSums) {
-  const CensusImage left = RandomCensus({93, 70}, 8);
+TEST(FindWinners, BandsDoNotChangeTheResult) {
+  const CensusImage left = RandomCensus({93, 71}, 8);
   const CensusImage right = Moved(left, 20, 9);
-  const auto with_threads = [&](std::size_t threads) {
+  const Winners whole = Find(left, right, {0, 45}, {});
+  for (const int rows : {1, 2, 10, 23, 36, 70}) {
+    AggregateOptions options;
+    options.sums_budget = static_cast<std::size_t>(rows) * 93 * 64;
+    SCOPED_TRACE(rows);
+    ExpectEqual(Find(left, right, {0, 45}, options), whole);
+  }
+}
+
+TEST(FindWinners, ThreadsDoNotChangeTheResult) {
+  const CensusImage left = RandomCensus({193, 70}, 8);
+  const CensusImage right = Moved(left, 20, 9);
+  const auto with_threads = [&](int threads) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    return AggregateCosts(left, right, {0, 45}, {}).sums;
+    Winners winners;
+    tbb::task_arena(threads).execute([&] { winners = Find(left, right, {0, 45}, {}); });
+    return winners;
   };
-  const auto one = with_threads(1);
-  for (int i = 0; i < 5; ++i) EXPECT_EQ(with_threads(4), one);
+  const Winners one = with_threads(1);
+  for (const int threads : {2, 3, 4, 8, 16}) ExpectEqual(with_threads(threads), one);
+}
+
+TEST(FindWinners, BuffersOfAnotherPictureDoNotMatter) {
+  AggregateBuffers buffers;
+  Winners winners;
+  const CensusImage large = RandomCensus({120, 60}, 20);
+  FindWinners(large, large, {0, 90}, {}, buffers, winners);
+  const CensusImage left = RandomCensus({50, 30}, 8);
+  const CensusImage right = Moved(left, 20, 9);
+  FindWinners(left, right, {0, 45}, {}, buffers, winners);
+  ExpectEqual(winners, Find(left, right, {0, 45}, {}));
 }
 
 /// Puts the processor's own choice back.
@@ -164,116 +281,37 @@ struct OwnTargets {
   ~OwnTargets() { Use(0); }
 };
 
-TEST(AggregateCosts, EveryInstructionSetGivesTheSameSumsAndWinners) {
-  const CensusImage left = RandomCensus({77, 30}, 10);
+TEST(FindWinners, EveryInstructionSetEqualsTheDefinition) {
+  const CensusImage left = RandomCensus({177, 20}, 10);
+  const DisparityRange range{-3, 131};
   const CensusImage right = Moved(left, 20, 11);
-  const DisparityRange range{-3, 71};
-  const CostSums sums = AggregateCosts(left, right, range, {});
-  const Winners winners = TakeWinners(sums, range, 0.05);
-  const OwnTargets restore;
-  int tried = 0;
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    OwnTargets::Use(target);
-    const CostSums again = AggregateCosts(left, right, range, {});
-    EXPECT_EQ(again.sums, sums.sums) << hwy::TargetName(target);
-    const Winners winners_again = TakeWinners(again, range, 0.05);
-    for (const auto& [a, b] : {std::pair{winners.left_index, winners_again.left_index},
-                               {winners.right_index, winners_again.right_index},
-                               {winners.subpixel, winners_again.subpixel},
-                               {winners.unique, winners_again.unique}}) {
-      EXPECT_EQ(cv::norm(a, b, cv::NORM_INF), 0) << hwy::TargetName(target);
+  for (const int p2 : {60, 300}) {
+    const AggregateOptions options = OptionsOf({{}, {}, 10, p2});
+    const Winners truth = WinnersByDefinition(left, right, range, options);
+    const OwnTargets restore;
+    for (std::int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+      OwnTargets::Use(rest & -rest);
+      SCOPED_TRACE(hwy::TargetName(rest & -rest));
+      ExpectEqual(Find(left, right, range, options), truth);
     }
-    ++tried;
   }
-  RecordProperty("targets", tried);
-  EXPECT_GE(tried, 1);
 }
 
-TEST(AggregateCosts, RefusesPicturesThatDoNotFit) {
-  const CensusImage a = RandomCensus({20, 10}, 1), b = RandomCensus({20, 11}, 1), none;
-  EXPECT_THROW(static_cast<void>(AggregateCosts(a, b, {0, 8}, {})), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(AggregateCosts(none, none, {0, 8}, {})), std::invalid_argument);
+TEST(FindWinners, RefusesPicturesThatDoNotFit) {
+  const CensusImage a = RandomCensus({20, 10}, 1), b = RandomCensus({20, 11}, 1), c = RandomCensus({20, 10}, 1, 24),
+                    none;
+  EXPECT_THROW(static_cast<void>(Find(a, b, {0, 8}, {})), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(a, c, {0, 8}, {})), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(none, none, {0, 8}, {})), std::invalid_argument);
 }
 
-TEST(AggregateCosts, RefusesAnEmptyRange) {
+TEST(FindWinners, RefusesRangesAndPenaltiesThatDoNotFit) {
   const CensusImage a = RandomCensus({20, 10}, 1);
-  EXPECT_THROW(static_cast<void>(AggregateCosts(a, a, {0, 0}, {})), std::invalid_argument);
-}
-
-/// Random sums for a picture, few enough values that ties are common.
-CostSums RandomSums(cv::Size size, int count, int levels, unsigned seed) {
-  CostSums sums{size.width, size.height, count, (count + 31) / 32 * 32, {}};
-  std::mt19937 random(seed);
-  sums.sums.resize(static_cast<std::size_t>(size.area()) * sums.stride);
-  for (auto& s : sums.sums) s = static_cast<std::uint16_t>(100 + random() % levels);
-  return sums;
-}
-
-class WinnersOfRange : public testing::TestWithParam<DisparityRange> {};
-
-TEST_P(WinnersOfRange, LeftAndRightIndexAreTheLeastSumsInsideThePicture) {
-  const DisparityRange range = GetParam();
-  const CostSums sums = RandomSums({53, 6}, range.count, 60, 1);
-  const Winners winners = TakeWinners(sums, range, 0);
-  for (int y = 0; y < sums.height; ++y) {
-    for (int x = 0; x < sums.width; ++x) {
-      int left = -1, right = -1, left_least = 1 << 20, right_least = 1 << 20;
-      for (int d = 0; d < range.count; ++d) {
-        const int partner = x - range.min_px - d;  // of the left pixel x
-        if (partner >= 0 && partner < sums.width && sums.At(y, x)[d] < left_least) {
-          left_least = sums.At(y, x)[d];
-          left = d;
-        }
-        const int source = x + range.min_px + d;  // the left pixel that the right pixel x belongs to
-        if (source >= 0 && source < sums.width && sums.At(y, source)[d] < right_least) {
-          right_least = sums.At(y, source)[d];
-          right = d;
-        }
-      }
-      ASSERT_EQ(winners.left_index.at<std::int16_t>(y, x), left) << x << ", " << y;
-      ASSERT_EQ(winners.right_index.at<std::int16_t>(y, x), right) << x << ", " << y;
-    }
-  }
-}
-INSTANTIATE_TEST_SUITE_P(Ranges, WinnersOfRange,
-                         testing::Values(DisparityRange{0, 32}, DisparityRange{0, 33}, DisparityRange{-20, 41},
-                                         DisparityRange{-60, 30}, DisparityRange{40, 50}, DisparityRange{0, 70},
-                                         DisparityRange{7, 1}));
-
-/// One pixel in the middle of a strip, its sums given, the range so that all disparities lie inside the picture.
-Winners OnePixel(const std::vector<std::uint16_t>& values, double uniqueness) {
-  const int count = static_cast<int>(values.size());
-  CostSums sums{2 * count, 1, count, 32, {}};
-  sums.sums.assign(static_cast<std::size_t>(sums.width) * sums.stride, 1000);
-  std::copy(values.begin(), values.end(), sums.At(0, count));
-  return TakeWinners(sums, {0, count}, uniqueness);
-}
-
-TEST(TakeWinners, EquiangularOffsetIsSymmetric) {
-  const float right = OnePixel({200, 150, 100, 120, 200}, 0).subpixel.at<float>(0, 5);
-  const float left = OnePixel({200, 120, 100, 150, 200}, 0).subpixel.at<float>(0, 5);
-  EXPECT_FLOAT_EQ(right, -left);
-  EXPECT_FLOAT_EQ(right, 0.5f * (50 - 20) / 50);  // Shimizu and Okutomi 2001
-}
-
-TEST(TakeWinners, EquiangularOffsetIsZeroForEqualSidesAndHalfForATie) {
-  EXPECT_EQ(OnePixel({200, 150, 100, 150, 200}, 0).subpixel.at<float>(0, 5), 0);
-  EXPECT_FLOAT_EQ(OnePixel({200, 150, 100, 100, 200}, 0).subpixel.at<float>(0, 5), 0.5f);
-}
-
-TEST(TakeWinners, NoOffsetAtTheEndsOfTheRange) {
-  EXPECT_EQ(OnePixel({100, 150, 160, 170, 200}, 0).subpixel.at<float>(0, 5), 0);
-  EXPECT_EQ(OnePixel({200, 170, 160, 150, 100}, 0).subpixel.at<float>(0, 5), 0);
-}
-
-TEST(TakeWinners, NeighbouringDisparitiesAreNoRivals) {
-  EXPECT_EQ(OnePixel({200, 101, 100, 101, 200}, 0.5).unique.at<std::uint8_t>(0, 5), 255);
-}
-
-TEST(TakeWinners, ARivalWithinTheShareMakesAPixelAmbiguous) {
-  EXPECT_EQ(OnePixel({105, 150, 100, 150, 200}, 0.05).unique.at<std::uint8_t>(0, 5), 0);
-  EXPECT_EQ(OnePixel({106, 150, 100, 150, 200}, 0.05).unique.at<std::uint8_t>(0, 5), 255);
-  EXPECT_EQ(OnePixel({200, 150, 100, 150, 105}, 0.05).unique.at<std::uint8_t>(0, 5), 0);
+  EXPECT_THROW(static_cast<void>(Find(a, a, {0, 0}, {})), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(a, a, {0, 40000}, {})), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(a, a, {0, 8}, OptionsOf({{}, {}, 10, 9}))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(a, a, {0, 8}, OptionsOf({{}, {}, -1, 9}))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Find(a, a, {0, 8}, OptionsOf({{}, {}, 10, 5000}))), std::invalid_argument);
 }
 
 }  // namespace

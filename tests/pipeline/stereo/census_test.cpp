@@ -7,6 +7,8 @@
 #include <tuple>
 
 #include <gtest/gtest.h>
+#include <hwy/highway.h>
+#include <hwy/targets.h>
 #include <opencv2/core.hpp>
 
 namespace granary {
@@ -34,13 +36,19 @@ std::uint64_t WordByDefinition(const cv::Mat& grey, int x, int y, int width, int
   return word;
 }
 
+CensusImage Transform(const cv::Mat& grey, int width, int height) {
+  CensusImage census;
+  CensusTransform(grey, width, height, census);
+  return census;
+}
+
 void ExpectDefinition(const cv::Mat& grey, int width, int height) {
-  const CensusImage census = CensusTransform(grey, width, height);
+  const CensusImage census = Transform(grey, width, height);
   ASSERT_EQ(census.width, grey.cols);
   ASSERT_EQ(census.height, grey.rows);
   for (int y = 0; y < grey.rows; ++y) {
     for (int x = 0; x < grey.cols; ++x) {
-      ASSERT_EQ(census.Row(y)[x], WordByDefinition(grey, x, y, width, height)) << "pixel " << x << ", " << y;
+      ASSERT_EQ(census.Word(y, x), WordByDefinition(grey, x, y, width, height)) << "pixel " << x << ", " << y;
     }
   }
 }
@@ -56,8 +64,10 @@ INSTANTIATE_TEST_SUITE_P(Sizes, CensusWindow,
                                          std::tuple{3, 7}));
 
 TEST(CensusTransform, EqualNeighboursGiveZero) {
-  const CensusImage census = CensusTransform(cv::Mat(8, 9, CV_32FC1, cv::Scalar(77)), 9, 7);
-  EXPECT_TRUE(std::all_of(census.words.begin(), census.words.end(), [](std::uint64_t word) { return word == 0; }));
+  const CensusImage census = Transform(cv::Mat(8, 9, CV_32FC1, cv::Scalar(77)), 9, 7);
+  for (int y = 0; y < 8; ++y) {
+    for (int x = 0; x < 9; ++x) EXPECT_EQ(census.Word(y, x), 0u);
+  }
 }
 
 TEST(CensusTransform, TellsNeighbouringValuesOf16BitPicturesApart) {
@@ -74,19 +84,32 @@ TEST(CensusTransform, ServesPicturesSmallerThanTheWindow) {
 TEST(CensusTransform, TheBrightestPixelSetsEveryBit) {
   cv::Mat grey = cv::Mat::zeros(9, 9, CV_32FC1);
   grey.at<float>(4, 4) = 1;
-  EXPECT_EQ(CensusTransform(grey, 9, 7).Row(4)[4], (std::uint64_t{1} << CensusBits(9, 7)) - 1);
+  EXPECT_EQ(Transform(grey, 9, 7).Word(4, 4), (std::uint64_t{1} << CensusBits(9, 7)) - 1);
 }
 
 TEST(CensusTransform, RefusesWindowsThatDoNotFitTheWord) {
   const cv::Mat grey = RandomPicture({20, 20}, 256, 6);
-  EXPECT_THROW(static_cast<void>(CensusTransform(grey, 8, 7)), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(CensusTransform(grey, 9, 6)), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(CensusTransform(grey, 9, 9)), std::invalid_argument);
-  EXPECT_THROW(static_cast<void>(CensusTransform(grey, -3, 3)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform(grey, 8, 7)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform(grey, 9, 6)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform(grey, 9, 9)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform(grey, -3, 3)), std::invalid_argument);
+}
+
+TEST(CensusTransform, EveryInstructionSetGivesTheSame) {
+  const cv::Mat grey = RandomPicture({101, 40}, 256, 7);
+  for (std::int64_t rest = hwy::SupportedTargets(); rest != 0; rest &= rest - 1) {
+    hwy::SetSupportedTargetsForTest(rest & -rest);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(hwy::TargetName(rest & -rest));
+    ExpectDefinition(grey, 9, 7);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
 TEST(CensusTransform, RefusesOtherPixelTypes) {
-  EXPECT_THROW(static_cast<void>(CensusTransform(cv::Mat::zeros(9, 9, CV_8UC1), 9, 7)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform(cv::Mat::zeros(9, 9, CV_8UC1), 9, 7)), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(Transform({}, 9, 7)), std::invalid_argument);
 }
 
 }  // namespace

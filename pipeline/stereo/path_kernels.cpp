@@ -1,0 +1,533 @@
+// Written once and compiled for every instruction set. A path's costs of the row before are read and overwritten in
+// place; what a lane needs of its neighbours d ± 1 is shifted in registers, since loads off the grain cost more.
+// Path costs are kept without C in the sums, Σ (L − C) ≤ 4·P2, so that bytes hold them; C comes back at the end.
+#include "pipeline/stereo/path_kernels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+// Vectors whose size only the processor knows cannot be members of a struct.
+#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
+#define HWY_WANT_AVX3_DL
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "pipeline/stereo/path_kernels.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+// Byte population counts are one instruction, or else two table lookups: then nibbles are kept apart from the start.
+#undef GRANARY_NIBBLES
+#if (HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL) || HWY_ARCH_ARM || HWY_TARGET == HWY_SCALAR
+#define GRANARY_NIBBLES 0
+#else
+#define GRANARY_NIBBLES 1
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace granary {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Lane i of the result is lane i − 1 of `here`, lane 0 the last of `before`.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V FromLaneBefore(D d, V before, V here) {
+#if HWY_TARGET == HWY_SCALAR
+  (void)d, (void)here;
+  return before;
+#else
+  constexpr int kBytes = 16 - sizeof(hn::TFromD<D>);
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  return hn::CombineShiftRightBytes<kBytes>(d, here, V{_mm512_alignr_epi32(here.raw, before.raw, 12)});
+#elif HWY_TARGET == HWY_AVX2
+  return hn::CombineShiftRightBytes<kBytes>(d, here, hn::ConcatLowerUpper(d, here, before));
+#else
+  return hn::CombineShiftRightBytes<kBytes>(d, here, before);
+#endif
+#endif
+}
+
+// Lane i of the result is lane i + 1 of `here`, the last one lane 0 of `after`.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V FromLaneAfter(D d, V here, V after) {
+#if HWY_TARGET == HWY_SCALAR
+  (void)d, (void)here;
+  return after;
+#else
+  constexpr int kBytes = sizeof(hn::TFromD<D>);
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  return hn::CombineShiftRightBytes<kBytes>(d, V{_mm512_alignr_epi32(after.raw, here.raw, 4)}, here);
+#elif HWY_TARGET == HWY_AVX2
+  return hn::CombineShiftRightBytes<kBytes>(d, hn::ConcatLowerUpper(d, after, here), here);
+#else
+  return hn::CombineShiftRightBytes<kBytes>(d, after, here);
+#endif
+#endif
+}
+
+// Minima of four vectors.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void Minima(D d, V a, V b, V c, V e, hn::TFromD<D>* out) {
+#if HWY_TARGET != HWY_SCALAR
+  if constexpr (sizeof(hn::TFromD<D>) == 1) {
+    // Four reductions at once: lanes of 32 bits, then of 64, change places until each path has one 32-bit lane.
+    const hn::Repartition<std::uint32_t, D> d32;
+    const hn::Repartition<std::uint64_t, D> d64;
+    const auto pairs = [&](V p, V q) {
+      const auto p32 = hn::BitCast(d32, p), q32 = hn::BitCast(d32, q);
+      return hn::Min(hn::BitCast(d, hn::InterleaveLower(d32, p32, q32)),
+                     hn::BitCast(d, hn::InterleaveUpper(d32, p32, q32)));
+    };
+    const auto ab = hn::BitCast(d64, pairs(a, b)), ce = hn::BitCast(d64, pairs(c, e));
+    const auto all =
+        hn::Min(hn::BitCast(d, hn::InterleaveLower(d64, ab, ce)), hn::BitCast(d, hn::InterleaveUpper(d64, ab, ce)));
+    const hn::FixedTag<std::uint8_t, 16> d128;
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+    const hn::FixedTag<std::uint8_t, 32> d256;
+    const auto half = hn::Min(hn::LowerHalf(d256, all), hn::UpperHalf(d256, all));
+    const auto block = hn::Min(hn::LowerHalf(d128, half), hn::UpperHalf(d128, half));
+#elif HWY_TARGET == HWY_AVX2
+    const auto block = hn::Min(hn::LowerHalf(d128, all), hn::UpperHalf(d128, all));
+#else
+    const auto block = all;
+#endif
+    const hn::FixedTag<std::uint32_t, 4> b32;
+    const auto two = hn::Min(block, hn::BitCast(d128, hn::ShiftRight<16>(hn::BitCast(b32, block))));
+    const auto one = hn::Min(two, hn::BitCast(d128, hn::ShiftRight<8>(hn::BitCast(b32, two))));
+    HWY_ALIGN std::uint32_t lanes[4];
+    hn::Store(hn::BitCast(b32, one), b32, lanes);
+    for (int k = 0; k < 4; ++k) out[k] = static_cast<std::uint8_t>(lanes[k]);
+    return;
+  } else
+#endif
+  {
+    out[0] = hn::GetLane(hn::MinOfLanes(d, a));
+    out[1] = hn::GetLane(hn::MinOfLanes(d, b));
+    out[2] = hn::GetLane(hn::MinOfLanes(d, c));
+    out[3] = hn::GetLane(hn::MinOfLanes(d, e));
+  }
+}
+
+void PrepareRightRow(const std::uint8_t* right, const CostRow& row, std::uint8_t* prepared) {
+  const std::size_t stride = row.right_stride;
+  // place p holds column p + offset
+  const int from = std::clamp(row.offset, 0, row.width),
+            to = std::clamp(row.offset + row.width + row.stride, from, row.width);
+  for (int k = 0; k < row.bytes; ++k) {
+    const std::uint8_t* plane = right + static_cast<std::size_t>(k) * row.width;
+#if GRANARY_NIBBLES
+    const hn::ScalableTag<std::uint8_t> d8;
+    std::uint8_t* low = prepared + 2 * k * stride + (from - row.offset);
+    std::uint8_t* high = low + stride;
+    const int lanes = static_cast<int>(hn::Lanes(d8));
+    int x = from;
+    for (; x + lanes <= to; x += lanes, low += lanes, high += lanes) {
+      const auto byte = hn::LoadU(d8, plane + x);
+      hn::StoreU(hn::And(byte, hn::Set(d8, 15)), d8, low);
+      hn::StoreU(hn::ShiftRight<4>(byte), d8, high);
+    }
+    for (; x < to; ++x) {
+      *low++ = plane[x] & 15;
+      *high++ = plane[x] >> 4;
+    }
+#else
+    if (to > from) std::memcpy(prepared + k * stride + (from - row.offset), plane + from, to - from);
+#endif
+  }
+}
+
+// kBytes 0: as many as the row says.
+template <int kBytes>
+void CostsOfBytes(const CostRow& row, int x, int step, int count, std::uint8_t* HWY_RESTRICT cost) {
+  const int bytes = kBytes > 0 ? kBytes : row.bytes;
+  const hn::ScalableTag<std::uint8_t> d8;
+  using V = hn::Vec<decltype(d8)>;
+  const int lanes = static_cast<int>(hn::Lanes(d8));
+#if GRANARY_NIBBLES
+  HWY_ALIGN static constexpr std::uint8_t kOnes[16] = {0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4};
+  const auto ones = hn::LoadDup128(d8, kOnes);
+#endif
+  for (int i = 0; i < count; ++i, x += step, cost += row.stride) {
+    V left[16];
+    for (int k = 0; k < bytes; ++k) {
+      const std::uint8_t byte = row.left[static_cast<std::size_t>(k) * row.width + x];
+#if GRANARY_NIBBLES
+      left[2 * k] = hn::Set(d8, byte & 15);
+      left[2 * k + 1] = hn::Set(d8, byte >> 4);
+#else
+      left[k] = hn::Set(d8, byte);
+#endif
+    }
+    const auto distance = [&](const std::uint8_t* right) {
+      auto sum = hn::Zero(d8);
+      for (int k = 0; k < bytes; ++k) {
+#if GRANARY_NIBBLES
+        const std::uint8_t* low = right + 2 * k * row.right_stride;
+        sum = hn::Add(sum, hn::TableLookupBytes(ones, hn::Xor(left[2 * k], hn::LoadU(d8, low))));
+        sum = hn::Add(sum, hn::TableLookupBytes(ones, hn::Xor(left[2 * k + 1], hn::LoadU(d8, low + row.right_stride))));
+#else
+        sum = hn::Add(sum, hn::PopulationCount(hn::Xor(left[k], hn::LoadU(d8, right + k * row.right_stride))));
+#endif
+      }
+      return sum;
+    };
+    for (int e = 0; e < row.stride; e += lanes) hn::Store(distance(row.right + x + e), d8, cost + e);
+    // right columns outside the picture
+    const int first = std::clamp(-(x + row.offset), 0, row.count);
+    const int last = std::clamp(row.width - (x + row.offset), first, row.count);
+    if (first > 0) std::memset(cost, row.outside, first);
+    if (last < row.count) std::memset(cost + last, row.outside, row.count - last);
+    if (row.count < row.stride) std::memset(cost + row.count, 255, row.stride - row.count);
+  }
+}
+
+void ComputeCostRun(const CostRow& row, int x, int step, int count, std::uint8_t* cost) {
+  switch (row.bytes) {
+    case 8:
+      return CostsOfBytes<8>(row, x, step, count, cost);  // 9×7
+    case 3:
+      return CostsOfBytes<3>(row, x, step, count, cost);  // 5×5
+    default:
+      return CostsOfBytes<0>(row, x, step, count, cost);
+  }
+}
+
+// One path at one pixel: what it was at the pixel before, on its way to what it is here.
+template <class D>
+struct PathState {
+  hn::Vec<D> before, here, jump, base, low;
+  hn::TFromD<D>* slot;
+};
+
+template <class D>
+HWY_INLINE PathState<D> BeginPath(D d, hn::TFromD<D>* slot, const hn::TFromD<D>* least, const hn::TFromD<D>* p2) {
+  const auto all_ones = hn::Set(d, std::numeric_limits<hn::TFromD<D>>::max());
+  const auto base = hn::Set(d, *least);
+  return {all_ones, hn::Load(d, slot), hn::Add(base, hn::Set(d, *p2)), base, all_ones, slot};
+}
+
+// L − C of one vector of disparities; the slot's old values move on by one vector.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE V StepPath(D d, PathState<D>& path, int e, V after, V cost, V p1) {
+  const auto sides = hn::Min(FromLaneBefore(d, path.before, path.here), FromLaneAfter(d, path.here, after));
+  const auto best = hn::Min(hn::Min(path.here, path.jump), hn::SaturatedAdd(sides, p1));
+  const auto excess = hn::Sub(best, path.base);
+  const auto value = hn::SaturatedAdd(excess, cost);
+  path.low = hn::Min(path.low, value);
+  hn::Store(value, d, path.slot + e);
+  path.before = path.here;
+  path.here = after;
+  return excess;
+}
+
+// All paths at pixel i of a run. kVectors 0: as many as the stride says.
+template <class T, bool kSums, int kVectors>
+HWY_INLINE void StepPixel(const PathRun<T>& run, int i) {
+  const hn::ScalableTag<T> d;
+  using D = decltype(d);
+  using V = hn::Vec<D>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const int stride = kVectors > 0 ? kVectors * lanes : run.stride;
+  const std::size_t first = static_cast<std::size_t>(i) * run.stride;
+  const V p1 = hn::Set(d, run.p1), all_ones = hn::Set(d, std::numeric_limits<T>::max());
+  const std::uint8_t* cost = run.cost + first;
+  const auto load_cost = [&](int e) HWY_ATTR {
+    if constexpr (sizeof(T) == 1) {
+      return hn::Load(d, cost + e);
+    } else {
+      return hn::Or(hn::PromoteTo(d, hn::Load(hn::Rebind<std::uint8_t, D>(), cost + e)), hn::Load(d, run.padding + e));
+    }
+  };
+  auto a = BeginPath(d, run.paths[0] + first, run.least[0] + i, run.p2[0] + i);
+  auto b = BeginPath(d, run.paths[1] + first, run.least[1] + i, run.p2[1] + i);
+  auto c = BeginPath(d, run.paths[2] + first, run.least[2] + i, run.p2[2] + i);
+  T minima[4];
+  int e = 0;
+  if constexpr (kSums) {
+    T* sums = run.sums + i * run.sums_step;
+    auto r = BeginPath(d, run.row_path, run.row_least, run.p2[3] + i);
+    const auto step = [&](V a_after, V b_after, V c_after, V r_after) HWY_ATTR __attribute__((always_inline)) {
+      const V here = load_cost(e);
+      const V ra = hn::Add(StepPath(d, r, e, r_after, here, p1), StepPath(d, a, e, a_after, here, p1));
+      const V bc = hn::Add(StepPath(d, b, e, b_after, here, p1), StepPath(d, c, e, c_after, here, p1));
+      hn::Store(hn::Add(ra, bc), d, sums + e);
+    };
+#pragma GCC unroll 4
+    for (; e + lanes < stride; e += lanes) {
+      const int n = e + lanes;
+      step(hn::Load(d, a.slot + n), hn::Load(d, b.slot + n), hn::Load(d, c.slot + n), hn::Load(d, r.slot + n));
+    }
+    step(all_ones, all_ones, all_ones, all_ones);
+    Minima(d, a.low, b.low, c.low, r.low, minima);
+    *run.row_least = minima[3];
+  } else {
+    const auto step = [&](V a_after, V b_after, V c_after) HWY_ATTR __attribute__((always_inline)) {
+      const V here = load_cost(e);
+      StepPath(d, a, e, a_after, here, p1);
+      StepPath(d, b, e, b_after, here, p1);
+      StepPath(d, c, e, c_after, here, p1);
+    };
+    for (; e + lanes < stride; e += lanes) {
+      const int n = e + lanes;
+      step(hn::Load(d, a.slot + n), hn::Load(d, b.slot + n), hn::Load(d, c.slot + n));
+    }
+    step(all_ones, all_ones, all_ones);
+    Minima(d, a.low, b.low, c.low, c.low, minima);
+  }
+  for (int k = 0; k < 3; ++k) run.least[k][i] = minima[k];
+}
+
+// The two runs are of different rows, the second a segment behind the first: what waits in one is done in the other.
+template <class T, bool kSums, int kVectors>
+void StepPathRuns(const PathRun<T>& first, const PathRun<T>* second) {
+  int i = 0;
+  if (second != nullptr) {
+    for (; i < std::min(first.count, second->count); ++i) {
+      StepPixel<T, kSums, kVectors>(first, i);
+      StepPixel<T, kSums, kVectors>(*second, i);
+    }
+    for (int rest = i; rest < second->count; ++rest) StepPixel<T, kSums, kVectors>(*second, rest);
+  }
+  for (; i < first.count; ++i) StepPixel<T, kSums, kVectors>(first, i);
+}
+
+template <class T>
+void StepPathsOf(const PathRun<T>& first, const PathRun<T>* second) {
+  if (first.sums == nullptr) return StepPathRuns<T, false, 0>(first, second);
+  switch (first.stride / static_cast<int>(hn::Lanes(hn::ScalableTag<T>()))) {
+    case 1:
+      return StepPathRuns<T, true, 1>(first, second);
+    case 2:
+      return StepPathRuns<T, true, 2>(first, second);
+    case 4:
+      return StepPathRuns<T, true, 4>(first, second);
+    default:
+      return StepPathRuns<T, true, 0>(first, second);
+  }
+}
+
+// Least lane.
+template <class D>
+HWY_INLINE hn::TFromD<D> LeastLane(D d, hn::Vec<D> v) {
+#if HWY_TARGET != HWY_SCALAR
+  using K = hn::TFromD<D>;
+  const hn::FixedTag<K, 16 / sizeof(K)> d128;
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  const hn::FixedTag<K, 32 / sizeof(K)> d256;
+  const auto half = hn::Min(hn::LowerHalf(d256, v), hn::UpperHalf(d256, v));
+  const auto block = hn::Min(hn::LowerHalf(d128, half), hn::UpperHalf(d128, half));
+#elif HWY_TARGET == HWY_AVX2
+  const auto block = hn::Min(hn::LowerHalf(d128, v), hn::UpperHalf(d128, v));
+#else
+  const auto block = v;
+#endif
+  (void)d;
+  return hn::GetLane(hn::MinOfLanes(d128, block));
+#else
+  (void)d;
+  return hn::GetLane(v);
+#endif
+}
+
+// Keys of one pixel, `S << 6 | tag`, and the least of all: sum first, then place, which runs with the disparity.
+template <class T>
+HWY_INLINE std::uint64_t MakeKeys(const WinnerRun<T>& run, int j, Key<T>* keys) {
+  using K = Key<T>;
+  const hn::ScalableTag<K> dk;
+  const hn::Rebind<T, decltype(dk)> dt;
+  const hn::Rebind<std::uint8_t, decltype(dk)> d8;
+  const int lanes = static_cast<int>(hn::Lanes(dk));
+  const int chunks = run.stride / kChunk, x = run.x + j;
+  constexpr K kNone = std::numeric_limits<K>::max();
+  const std::uint8_t* cost = run.cost + j * run.step[0];
+  const T* first_sums = run.sums[0] + j * run.step[1];
+  const T* second_sums = run.sums[1] + j * run.step[2];
+  const int first = std::clamp(-(x + run.offset), 0, run.disparities);
+  const int last = std::clamp(run.width - (x + run.offset), first, run.disparities);
+  const bool whole = first == 0 && last == run.disparities;
+  const auto promote = [&](const T* sums) HWY_ATTR { return hn::PromoteTo(dk, hn::Load(dt, sums)); };
+  std::uint64_t best = ~std::uint64_t{0};
+  for (int c = 0; c < chunks; ++c, keys += kKeyStride) {
+    auto least = hn::Set(dk, kNone);
+    for (int q = 0; q < kChunk; q += lanes) {
+      const int e = c * kChunk + q;
+      const auto eight = hn::ShiftLeft<kTagBits + 3>(hn::PromoteTo(dk, hn::Load(d8, cost + e)));
+      const auto excess = hn::ShiftLeft<kTagBits>(hn::Add(promote(first_sums + e), promote(second_sums + e)));
+      const auto key = hn::Or(hn::Add(eight, excess), hn::Load(dk, run.tags + e));
+      hn::Store(key, dk, keys + q);
+      least = hn::Min(least, key);
+    }
+    if (!whole) {
+      const int from = std::clamp(first - c * kChunk, 0, kChunk), to = std::clamp(last - c * kChunk, from, kChunk);
+      std::fill(keys, keys + from, kNone);
+      std::fill(keys + to, keys + kChunk, kNone);
+      least = hn::Set(dk, kNone);
+      for (int q = 0; q < kChunk; q += lanes) least = hn::Min(least, hn::Load(dk, keys + q));
+    }
+    // No branch on what is least: none could be foreseen.
+    const std::uint64_t key = LeastLane(dk, least);
+    best = std::min(
+        best, (key >> kTagBits) << 32 | static_cast<std::uint64_t>(chunks - 1 - c) << kTagBits | (key & (kChunk - 1)));
+  }
+  return best;
+}
+
+template <class T>
+void SelectWinnerRun(const WinnerRun<T>& run) {
+  using K = Key<T>;
+  const hn::ScalableTag<K> dk;
+  const int lanes = static_cast<int>(hn::Lanes(dk));
+  const int chunks = run.stride / kChunk;
+  const std::size_t pixel = static_cast<std::size_t>(chunks) * kKeyStride;
+  constexpr std::uint64_t kNoSum = std::uint64_t{std::numeric_limits<K>::max() >> kTagBits} << 32;
+  std::uint64_t best[kSegment];
+  for (int j = 0; j < run.count; ++j) best[j] = MakeKeys(run, j, run.keys + j * pixel + kKeyGuard);
+
+  float rise_down[kSegment], rise_up[kSegment];
+  for (int j = 0; j < run.count; ++j) {
+    run.left_index[j] = -1;
+    run.unique[j] = 0;
+    rise_down[j] = rise_up[j] = 0;
+    if (best[j] >= kNoSum) continue;
+    const K* keys = run.keys + j * pixel + kKeyGuard;
+    const int e = run.stride - 1 - static_cast<int>(best[j] & 0xFFFFFFFF);  // lanes run against the disparities
+    const int sum = static_cast<int>(best[j] >> 32);
+    const K most = run.near[sum];
+    const auto limit = hn::Set(dk, most);
+    std::size_t rivals = 0;
+    for (int c = 0; c < chunks; ++c) {
+      for (int q = 0; q < kChunk; q += lanes) {
+        const auto key = hn::Load(dk, keys + c * kKeyStride + q);
+        rivals += hn::CountTrue(dk, hn::Eq(hn::Min(key, limit), key));
+      }
+    }
+    // Beyond the ends lies a key of all ones: a guard, a lane past the disparities, or one outside the picture.
+    const K* here = keys + e / kChunk * kKeyStride + e % kChunk;
+    constexpr int kGap = kKeyStride - kChunk;  // from the last key of a chunk to the first of the next
+    const K below = here[e % kChunk == 0 && e > 0 ? -1 - kGap : -1];
+    const K above = here[e % kChunk == kChunk - 1 && e + 1 < run.stride ? 1 + kGap : 1];
+    rivals -= 1u + (below <= most) + (above <= most);
+    run.left_index[j] = static_cast<std::int16_t>(run.disparities - 1 - e);
+    run.unique[j] = rivals == 0 ? 255 : 0;
+    // At the ends no offset, and none where nothing rises.
+    constexpr K kNone = std::numeric_limits<K>::max();
+    const bool inside = below != kNone && above != kNone;
+    rise_down[j] = inside ? static_cast<float>(static_cast<int>(above >> kTagBits) - sum) : 0.0f;
+    rise_up[j] = inside ? static_cast<float>(static_cast<int>(below >> kTagBits) - sum) : 0.0f;
+  }
+  for (int j = 0; j < run.count; ++j) {
+    const float steeper = std::max(std::max(rise_down[j], rise_up[j]), 1.0f);  // sums are whole numbers
+    run.subpixel[j] = 0.5f * (rise_down[j] - rise_up[j]) / steeper;
+  }
+
+  // Right columns: all pixels of the run at once for each vector of columns, so that none is read back soon after it
+  // was written.
+  constexpr int kVectors = (kChunk + kSegment) / static_cast<int>(hn::MaxLanes(hn::ScalableTag<K>()));
+  constexpr int kAtOnce = kVectors % 3 == 0 ? 3 : 1;
+  for (int c = 0; c < chunks; ++c) {
+    for (int r = 0; r < kChunk + kSegment; r += kAtOnce * lanes) {
+      K* right = run.right + c * run.right_stride + run.x + r;
+      hn::Vec<decltype(dk)> least[kAtOnce];
+      for (int v = 0; v < kAtOnce; ++v) least[v] = hn::LoadU(dk, right + v * lanes);
+      const K* keys = run.keys + c * kKeyStride + kKeyGuard + r;
+      for (int j = 0; j < run.count; ++j, keys += pixel - 1) {
+        for (int v = 0; v < kAtOnce; ++v) least[v] = hn::Min(least[v], hn::LoadU(dk, keys + v * lanes));
+      }
+      for (int v = 0; v < kAtOnce; ++v) hn::StoreU(least[v], dk, right + v * lanes);
+    }
+  }
+}
+
+// The least key among the chunks of every right column.
+template <class T>
+void PickRightColumns(const RightRow<T>& row) {
+  using K = Key<T>;
+  const hn::ScalableTag<K> dk;
+  const int lanes = static_cast<int>(hn::Lanes(dk));
+  const int chunks = row.stride / kChunk;
+  constexpr K kNone = std::numeric_limits<K>::max();
+  std::fill_n(row.sums, row.width, kNone);
+  for (int c = chunks - 1; c >= 0; --c) {  // of equal sums the least disparity, which is the last lane
+    const K* keys = row.right + c * row.right_stride;
+    const int shift = -row.offset - c * kChunk;  // column of the left pixel plus lane, of right column 0
+    int x = std::clamp(-shift, 0, row.width);
+    const int end = std::clamp(row.width + kChunk - shift, x, row.width);
+    const int first = (chunks - 1 - c) * kChunk;
+    for (; x + lanes <= end; x += lanes) {
+      const auto key = hn::LoadU(dk, keys + x + shift);
+      const auto old = hn::LoadU(dk, row.sums + x);
+      const auto sum = hn::Min(hn::ShiftRight<kTagBits>(key), old);
+      const auto place = hn::Add(hn::And(key, hn::Set(dk, kChunk - 1)), hn::Set(dk, static_cast<K>(first)));
+      hn::StoreU(hn::IfThenElse(hn::Eq(sum, old), hn::LoadU(dk, row.places + x), place), dk, row.places + x);
+      hn::StoreU(sum, dk, row.sums + x);
+    }
+    for (; x < end; ++x) {
+      const K key = keys[x + shift];
+      if (key >> kTagBits >= row.sums[x]) continue;
+      row.sums[x] = key >> kTagBits;
+      row.places[x] = static_cast<K>((key & (kChunk - 1)) + first);
+    }
+  }
+  for (int x = 0; x < row.width; ++x) {
+    const int index = row.disparities - row.stride + static_cast<int>(row.places[x]);
+    row.index[x] = static_cast<std::int16_t>(row.sums[x] >= kNone >> kTagBits ? -1 : index);
+  }
+}
+
+void PickRight8(const RightRow<std::uint8_t>& row) { PickRightColumns(row); }
+void PickRight16(const RightRow<std::uint16_t>& row) { PickRightColumns(row); }
+void StepPaths8(const PathRun<std::uint8_t>& first, const PathRun<std::uint8_t>* second) { StepPathsOf(first, second); }
+void StepPaths16(const PathRun<std::uint16_t>& first, const PathRun<std::uint16_t>* second) {
+  StepPathsOf(first, second);
+}
+void SelectWinners8(const WinnerRun<std::uint8_t>& run) { SelectWinnerRun(run); }
+void SelectWinners16(const WinnerRun<std::uint16_t>& run) { SelectWinnerRun(run); }
+
+}  // namespace HWY_NAMESPACE
+}  // namespace granary
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace granary {
+
+HWY_EXPORT(PrepareRightRow);
+HWY_EXPORT(ComputeCostRun);
+HWY_EXPORT(StepPaths8);
+HWY_EXPORT(StepPaths16);
+HWY_EXPORT(SelectWinners8);
+HWY_EXPORT(SelectWinners16);
+HWY_EXPORT(PickRight8);
+HWY_EXPORT(PickRight16);
+
+void ChooseInstructionSet() {
+  static const bool chosen = (hwy::GetChosenTarget().Update(hwy::SupportedTargets()), true);
+  static_cast<void>(chosen);
+}
+
+std::size_t PreparedPlaneStride(int width, int stride) {
+  return (static_cast<std::size_t>(width) + stride + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple + kLaneMultiple;
+}
+
+std::size_t PreparedBytes(int width, int stride, int bytes) {
+  return 2 * static_cast<std::size_t>(bytes) * PreparedPlaneStride(width, stride);  // nibbles, where they are wanted
+}
+
+void PrepareRight(const std::uint8_t* right, const CostRow& row, std::uint8_t* prepared) {
+  HWY_DYNAMIC_DISPATCH(PrepareRightRow)(right, row, prepared);
+}
+void ComputeCosts(const CostRow& row, int x, int step, int count, std::uint8_t* cost) {
+  HWY_DYNAMIC_DISPATCH(ComputeCostRun)(row, x, step, count, cost);
+}
+void StepPaths(const PathRun<std::uint8_t>& first, const PathRun<std::uint8_t>* second) {
+  HWY_DYNAMIC_DISPATCH(StepPaths8)(first, second);
+}
+void StepPaths(const PathRun<std::uint16_t>& first, const PathRun<std::uint16_t>* second) {
+  HWY_DYNAMIC_DISPATCH(StepPaths16)(first, second);
+}
+void SelectWinners(const WinnerRun<std::uint8_t>& run) { HWY_DYNAMIC_DISPATCH(SelectWinners8)(run); }
+void SelectWinners(const WinnerRun<std::uint16_t>& run) { HWY_DYNAMIC_DISPATCH(SelectWinners16)(run); }
+void PickRight(const RightRow<std::uint8_t>& row) { HWY_DYNAMIC_DISPATCH(PickRight8)(row); }
+void PickRight(const RightRow<std::uint16_t>& row) { HWY_DYNAMIC_DISPATCH(PickRight16)(row); }
+
+}  // namespace granary
+#endif  // HWY_ONCE
