@@ -2,7 +2,6 @@
 // waits for its neighbour. Slopes come from moments about the window's own middle, so that nothing large cancels.
 #include "pipeline/stereo/refine_planes.h"
 
-#include <algorithm>
 #include <limits>
 
 #include "pipeline/stereo/refine_rows.h"
@@ -119,7 +118,7 @@ void FitPlanesRow(const DisparityColumns& c, int radius, float reference_px, int
 }
 
 int TakeOwnPlanesRow(const float* disparity_px, const PlaneRow& planes, float smooth_variance_px2, float reach_px,
-                     int width, float* start_px, int* contested) {
+                     int width, float* start_px, std::int32_t* contested) {
   const D d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto smooth = hn::Set(d, smooth_variance_px2), reach = hn::Set(d, reach_px), finite = hn::Set(d, kFinite);
@@ -132,12 +131,8 @@ int TakeOwnPlanesRow(const float* disparity_px, const PlaneRow& planes, float sm
     hn::StoreU(hn::IfThenElse(own, value, nan), d, start_px + x);
     const auto open = hn::AndNot(own, hn::Lt(disparity, finite));
     if (hn::AllFalse(d, open)) continue;
-    HWY_ALIGN float flags[kRefineLanes];
-    hn::Store(hn::IfThenElseZero(open, hn::Set(d, 1.0f)), d, flags);
-    for (int i = 0; i < lanes; ++i) {
-      contested[count] = x + i;
-      count += flags[i] != 0.0f;
-    }
+    const hn::RebindToSigned<D> di;
+    count += static_cast<int>(hn::CompressStore(hn::Iota(di, x), hn::RebindMask(di, open), di, contested + count));
   }
   return count;
 }
@@ -163,7 +158,7 @@ void FitPlanes(const DisparityColumns& columns, int radius, float reference_px, 
 }
 
 int TakeOwnPlanes(const float* disparity_px, const PlaneRow& planes, float smooth_variance_px2, float reach_px,
-                  int width, float* start_px, int* contested) {
+                  int width, float* start_px, std::int32_t* contested) {
   return HWY_DYNAMIC_DISPATCH(TakeOwnPlanesRow)(disparity_px, planes, smooth_variance_px2, reach_px, RefineWidth(width),
                                                 start_px, contested);
 }

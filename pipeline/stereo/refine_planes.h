@@ -1,6 +1,8 @@
 // Planes through the disparities of a window, for whole rows at once.
 #pragma once
 
+#include <cstdint>
+
 namespace granary {
 
 /// Sums down the columns of a window, one float a pixel of the row: over the valid disparities, with their height k
@@ -22,8 +24,8 @@ struct PlaneRow {
 void FitPlanes(const DisparityColumns& columns, int radius, float reference_px, int width, const PlaneRow& planes);
 
 /// Where a pixel's own window is smooth: its plane's value in `start_px`. Elsewhere NaN, and the columns of those that
-/// are valid in `contested`. @return how many those are
+/// are valid in `contested`, which has room for a vector more than the row. @return how many those are
 int TakeOwnPlanes(const float* disparity_px, const PlaneRow& planes, float smooth_variance_px2, float reach_px,
-                  int width, float* start_px, int* contested);
+                  int width, float* start_px, std::int32_t* contested);
 
 }  // namespace granary

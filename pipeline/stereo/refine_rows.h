@@ -18,6 +18,7 @@ class RowRing {
  public:
   RowRing(int count, int width, float value)
       : rows_(count, RefineWidth(width) + 2 * kRefinePad, CV_32FC1, cv::Scalar(value)) {}
+  void Fill(float value) { rows_.setTo(value); }
   [[nodiscard]] float* Row(int i) { return rows_.ptr<float>((i % rows_.rows + rows_.rows) % rows_.rows) + kRefinePad; }
 
  private:

@@ -24,6 +24,7 @@ using D = hn::CappedTag<float, kRefineLanes>;
 using V = hn::Vec<D>;
 
 constexpr float kFinite = 1e30f;
+constexpr float kStep_px = 0.7f;  // between neighbours: steeper surfaces are not seen by both cameras in any detail
 
 HWY_INLINE V Times(float a, V b) { return hn::Mul(hn::Set(D(), a), b); }
 
@@ -85,7 +86,14 @@ void WarpRowImpl(const float* left, const float* left_counts, const float* coeff
     const auto far = hn::Sub(hn::LoadU(d, left + x + 2), hn::LoadU(d, left + x - 2));
     const auto g = Times(1.0f / 12, hn::Sub(Times(8.0f, near), far));
     const auto sound = hn::And(hn::Lt(hn::Add(hn::Abs(l), hn::Abs(g)), finite), hn::Lt(hn::Abs(r), finite));
-    auto counts = hn::And(inside, hn::And(sound, hn::Gt(hn::LoadU(d, left_counts + x), hn::Zero(d))));
+    // The gradient and, roughly, the spline see two pixels to either side: they must lie on the same surface.
+    auto widest = hn::Zero(d);
+    for (int o = -2; o < 2; ++o) {
+      const auto step = hn::Abs(hn::Sub(hn::LoadU(d, start_px + x + o + 1), hn::LoadU(d, start_px + x + o)));
+      widest = hn::IfThenElse(hn::Lt(step, hn::Set(d, kStep_px)), widest, one);
+    }
+    const auto smooth = hn::Eq(widest, hn::Zero(d));
+    auto counts = hn::And(hn::And(inside, smooth), hn::And(sound, hn::Gt(hn::LoadU(d, left_counts + x), hn::Zero(d))));
     if (right_counts != nullptr) counts = hn::And(counts, hn::Gt(hn::GatherIndex(d, right_counts, i), hn::Zero(d)));
     hn::Store(hn::IfThenElseZero(counts, l), d, out.left + x);
     hn::Store(hn::IfThenElseZero(counts, g), d, out.gradient + x);
@@ -118,46 +126,39 @@ void SlideMatchColumnsRow(const MatchedRow& enters, const MatchedRow& leaves, in
   }
 }
 
-// Sums of 2, 4, 8, … neighbours by adding shifted rows; the window is then put together from its binary digits.
-void SumWindowsRow(const float* columns, int radius, int width, float* const scratch[4], float* sums) {
+void SumQuadsRow(float* const columns[kMatchSums], int width, float* const quads[kMatchSums]) {
   const D d;
-  const int step = static_cast<int>(hn::Lanes(d)), side = 2 * radius + 1;
-  const float* parts[5];
-  int offsets[5], count = 0, at = -radius;
-  const float* current = columns;
-  for (int span = 1, level = 0; span <= side; span *= 2, ++level) {
-    if ((side & span) != 0) {
-      parts[count] = current;
-      offsets[count++] = at;
-      at += span;
+  for (int c = 0; c < kMatchSums; ++c) {
+    const float* in = columns[c];
+    float* out = quads[c];
+    for (int x = -kRefineLanes; x < width + kRefineLanes; x += static_cast<int>(hn::Lanes(d))) {
+      const auto even = hn::Add(hn::Load(d, in + x), hn::LoadU(d, in + x + 1));
+      hn::Store(hn::Add(even, hn::Add(hn::LoadU(d, in + x + 2), hn::LoadU(d, in + x + 3))), d, out + x);
     }
-    if (2 * span > side) break;
-    for (int x = -kRefineLanes; x < width + kRefineLanes; x += step) {
-      hn::Store(hn::Add(hn::Load(d, current + x), hn::LoadU(d, current + x + span)), d, scratch[level] + x);
-    }
-    current = scratch[level];
-  }
-  for (int x = 0; x < width; x += step) {
-    auto sum = hn::LoadU(d, parts[0] + x + offsets[0]);
-    for (int i = 1; i < count; ++i) sum = hn::Add(sum, hn::LoadU(d, parts[i] + x + offsets[i]));
-    hn::Store(sum, d, sums + x);
   }
 }
 
-void SolveRowImpl(float* const sums[kMatchSums], const MatchedRow& middle, float gain_scale, int radius, int width,
-                  const ShiftRow& shift, float* scores) {
+void SolveRowImpl(float* const columns[kMatchSums], float* const quads[kMatchSums], const MatchedRow& middle,
+                  float gain_scale, int radius, int width, const ShiftRow& shift, float* scores) {
   const D d;
   const float side = static_cast<float>(2 * radius + 1);
   const auto least_n = hn::Set(d, std::max(0.3f * side * side, 5.0f)), one = hn::Set(d, 1.0f), zero = hn::Zero(d);
   const auto nan = hn::Set(d, std::numeric_limits<float>::quiet_NaN());
   const auto least_gain = hn::Set(d, 0.2f * gain_scale), most_gain = hn::Set(d, 5 * gain_scale);
   for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
-    const auto n = hn::Load(d, sums[0] + x);
+    // As many single columns as quads do not cover, one or three, then the quads.
+    const auto sum = [&](int c) HWY_ATTR {
+      auto total = hn::LoadU(d, columns[c] + x - radius);
+      int at = 1 - radius;
+      for (; (radius + 1 - at) % 4 != 0; ++at) total = hn::Add(total, hn::LoadU(d, columns[c] + x + at));
+      for (; at <= radius; at += 4) total = hn::Add(total, hn::LoadU(d, quads[c] + x + at));
+      return total;
+    };
+    const auto n = sum(0);
     const auto share = hn::Div(one, hn::Max(n, one));
-    const auto ml = hn::Mul(hn::Load(d, sums[1] + x), share), mr = hn::Mul(hn::Load(d, sums[2] + x), share);
-    const auto mg = hn::Mul(hn::Load(d, sums[3] + x), share);
-    const auto covariance = [&](int c, V a, V b)
-                                HWY_ATTR { return hn::Sub(hn::Mul(hn::Load(d, sums[c] + x), share), hn::Mul(a, b)); };
+    const auto ml = hn::Mul(sum(1), share), mr = hn::Mul(sum(2), share);
+    const auto mg = hn::Mul(sum(3), share);
+    const auto covariance = [&](int c, V a, V b) HWY_ATTR { return hn::Sub(hn::Mul(sum(c), share), hn::Mul(a, b)); };
     const auto ll = covariance(4, ml, ml), rr = covariance(5, mr, mr), gg = covariance(6, mg, mg);
     const auto lr = covariance(7, ml, mr), lg = covariance(8, ml, mg), rg = covariance(9, mr, mg);
     const auto det = hn::Sub(hn::Mul(rr, gg), hn::Mul(rg, rg));
@@ -191,6 +192,36 @@ void SolveRowImpl(float* const sums[kMatchSums], const MatchedRow& middle, float
   }
 }
 
+void MoveRowImpl(const float* start_px, const float* delta_px, int width, float* disparity_px) {
+  const D d;
+  const auto one = hn::Set(d, 1.0f);
+  for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
+    const auto start = hn::LoadU(d, start_px + x), delta = hn::LoadU(d, delta_px + x);
+    const auto step = hn::IfThenElseZero(hn::Eq(delta, delta), hn::Max(hn::Neg(one), hn::Min(one, delta)));
+    const auto moved = hn::Add(start, step);
+    hn::StoreU(hn::IfThenElse(hn::Eq(start, start), moved, hn::LoadU(d, disparity_px + x)), d, disparity_px + x);
+  }
+}
+
+void FinishRowImpl(const float* before_px, const float* start_px, const ShiftRow& shift, const RefineLimits& limits,
+                   int width, float* disparity_px, float* deviation_px) {
+  const D d;
+  const auto max_shift = hn::Set(d, limits.max_shift_px), max_delta = hn::Set(d, limits.max_delta_px);
+  const auto unrefined = hn::Set(d, limits.unrefined_deviation_px);
+  const auto nan = hn::Set(d, std::numeric_limits<float>::quiet_NaN()), finite = hn::Set(d, kFinite);
+  for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
+    const auto before = hn::LoadU(d, before_px + x), delta = hn::LoadU(d, shift.delta_px + x);
+    const auto deviation = hn::LoadU(d, shift.deviation_px + x);
+    const auto after = hn::Add(hn::LoadU(d, start_px + x), delta);
+    const auto believed =
+        hn::And(hn::Lt(hn::Abs(delta), max_delta),
+                hn::And(hn::Le(hn::Abs(hn::Sub(after, before)), max_shift), hn::Lt(deviation, unrefined)));
+    hn::StoreU(hn::IfThenElse(believed, after, before), d, disparity_px + x);
+    const auto kept = hn::IfThenElse(hn::Lt(hn::Abs(before), finite), unrefined, nan);
+    hn::StoreU(hn::IfThenElse(believed, deviation, kept), d, deviation_px + x);
+  }
+}
+
 void AddScoreProductsRow(const float* scores, const float* scores_above, int width, float* const products[4]) {
   const D d;
   for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
@@ -215,8 +246,10 @@ namespace granary {
 HWY_EXPORT(FilterRowImpl);
 HWY_EXPORT(WarpRowImpl);
 HWY_EXPORT(SlideMatchColumnsRow);
-HWY_EXPORT(SumWindowsRow);
+HWY_EXPORT(SumQuadsRow);
 HWY_EXPORT(SolveRowImpl);
+HWY_EXPORT(MoveRowImpl);
+HWY_EXPORT(FinishRowImpl);
 HWY_EXPORT(AddScoreProductsRow);
 
 std::vector<float> SplineFilter() {
@@ -253,13 +286,23 @@ void SlideMatchColumns(const MatchedRow& enters, const MatchedRow& leaves, int w
   HWY_DYNAMIC_DISPATCH(SlideMatchColumnsRow)(enters, leaves, RefineWidth(width), sums);
 }
 
-void SumWindows(const float* columns, int radius, int width, float* const scratch[4], float* sums) {
-  HWY_DYNAMIC_DISPATCH(SumWindowsRow)(columns, radius, RefineWidth(width), scratch, sums);
+void SumQuads(float* const columns[kMatchSums], int width, float* const quads[kMatchSums]) {
+  HWY_DYNAMIC_DISPATCH(SumQuadsRow)(columns, RefineWidth(width), quads);
 }
 
-void SolveRow(float* const sums[kMatchSums], const MatchedRow& middle, float gain_scale, int radius, int width,
-              const ShiftRow& shift, float* scores) {
-  HWY_DYNAMIC_DISPATCH(SolveRowImpl)(sums, middle, gain_scale, radius, RefineWidth(width), shift, scores);
+void SolveRow(float* const columns[kMatchSums], float* const quads[kMatchSums], const MatchedRow& middle,
+              float gain_scale, int radius, int width, const ShiftRow& shift, float* scores) {
+  HWY_DYNAMIC_DISPATCH(SolveRowImpl)(columns, quads, middle, gain_scale, radius, RefineWidth(width), shift, scores);
+}
+
+void MoveRow(const float* start_px, const float* delta_px, int width, float* disparity_px) {
+  HWY_DYNAMIC_DISPATCH(MoveRowImpl)(start_px, delta_px, RefineWidth(width), disparity_px);
+}
+
+void FinishRow(const float* before_px, const float* start_px, const ShiftRow& shift, const RefineLimits& limits,
+               int width, float* disparity_px, float* deviation_px) {
+  HWY_DYNAMIC_DISPATCH(FinishRowImpl)
+  (before_px, start_px, shift, limits, RefineWidth(width), disparity_px, deviation_px);
 }
 
 void AddScoreProducts(const float* scores, const float* scores_above, int width, float* const products[4]) {
