@@ -13,7 +13,7 @@ packages=(
   libmodbus-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
   libhowardhinnant-date-dev tzdata
   libtomlplusplus-dev libcli11-dev                                        # config and granaryctl
-  libgtest-dev libgmock-dev binutils mbpoll                               # tests; mbpoll also reads the demo
+  libgtest-dev libgmock-dev libbenchmark-dev binutils mbpoll              # tests; mbpoll also reads the demo
 )
 
 if [[ ${1:-} == --list ]]; then
