@@ -13,6 +13,7 @@ std::vector<std::string> Faults(const StereoOptions& options) {
           "census_height: must be 3, 5 or 7");
   require(options.p1 >= 1 && options.p1 <= 100, "p1: must be 1 to 100");
   require(options.p2 > options.p1 && options.p2 <= 1000, "p2: must be more than p1 and at most 1000");
+  require(options.median_px == 0 || options.median_px == 3 || options.median_px == 5, "median_px: must be 0, 3 or 5");
   require(options.left_right_px >= 0 && options.left_right_px <= 10, "left_right_px: must be 0 to 10");
   require(options.uniqueness >= 0 && options.uniqueness < 1, "uniqueness: must be at least 0 and below 1");
   require(options.speckle_area_px >= 0, "speckle_area_px: must not be negative");

@@ -11,6 +11,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "pipeline/stereo/usable.h"
+
 namespace granary {
 
 namespace {
@@ -32,13 +34,6 @@ cv::Mat ToGrey255(const Frame& frame, const std::optional<Frame>& ambient) {
     grey -= dark;
   }
   return grey;
-}
-
-// 255 where more than half of the 9×9 neighbourhood is full: nothing can be matched there.
-cv::Mat SaturatedAreas(const cv::Mat& full) {
-  cv::Mat share;
-  cv::boxFilter(full, share, CV_32F, {9, 9});
-  return share > 127.0;
 }
 
 std::string Describe(const Frame& frame) {
@@ -93,10 +88,14 @@ RectifiedPair RectifyPair(const FramePair& pair, const Rectification& rectificat
   const cv::Mat right_full = pair.right.image >= pair.right.SaturationLevel();
   out.saturated_fraction =
       std::max(cv::countNonZero(left_full), cv::countNonZero(right_full)) / static_cast<double>(left_full.total());
-  cv::Mat saturated;
-  cv::remap(SaturatedAreas(left_full), saturated, rectification.left_map_x, rectification.left_map_y,
-            cv::INTER_NEAREST);
-  out.left_usable = rectification.left_inside & ~saturated;
+  const auto usable = [](const cv::Mat& full, const cv::Mat& map_x, const cv::Mat& map_y, const cv::Mat& inside) {
+    cv::Mat saturated;
+    cv::remap(SaturatedAreas(full), saturated, map_x, map_y, cv::INTER_NEAREST);
+    return cv::Mat(inside & ~saturated);
+  };
+  out.usable.left = usable(left_full, rectification.left_map_x, rectification.left_map_y, rectification.left_inside);
+  out.usable.right =
+      usable(right_full, rectification.right_map_x, rectification.right_map_y, rectification.right_inside);
   return out;
 }
 

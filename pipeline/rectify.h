@@ -6,6 +6,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "pipeline/stereo/aggregate.h"
+#include "pipeline/stereo/usable.h"
 #include "pipeline/types/bin.h"
 #include "pipeline/types/calibration.h"
 #include "pipeline/types/frame.h"
@@ -42,7 +43,7 @@ struct Rectification {
 /// A rectified pair in grey levels of 0 … 255 whatever the bit depth, ambient light taken off where it was given.
 struct RectifiedPair {
   cv::Mat left, right;            ///< CV_32FC1
-  cv::Mat left_usable;            ///< CV_8UC1, 0 outside the raw picture and where it is saturated all around
+  UsablePixels usable;            ///< 0 outside the raw pictures and where they are saturated
   double saturated_fraction = 0;  ///< share of full pixels, the worse frame
 };
 

@@ -32,7 +32,7 @@ bool LooksSwapped(const RigGeometry& geometry, const FramePair& pair, double mat
   std::swap(exchanged.ambient_left, exchanged.ambient_right);
   const RectifiedPair rectified = RectifyPair(exchanged, geometry.rectification);
   const StereoResult stereo =
-      MatchStereo(rectified.left, rectified.right, geometry.range.range, options.stereo, rectified.left_usable);
+      MatchStereo(rectified.left, rectified.right, geometry.range.range, options.stereo, rectified.usable);
   const double share = MatchedShare(geometry, stereo.disparity_px);
   return share > 0.5 && share > 3 * matched_share;
 }
@@ -61,7 +61,7 @@ RigCloud MakeCloud(const RigGeometry& geometry, const FramePair& pair, const Pip
   if (out.verdict.reason != Reason::kOk) return out;
 
   StereoResult stereo =
-      MatchStereo(rectified.left, rectified.right, geometry.range.range, options.stereo, rectified.left_usable);
+      MatchStereo(rectified.left, rectified.right, geometry.range.range, options.stereo, rectified.usable);
   out.view.disparity_px = stereo.disparity_px;
   out.view.deviation_px = stereo.deviation_px;
   timings.match += laps.Lap();

@@ -23,6 +23,8 @@
 #include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
+#include <opencv2/core.hpp>
+
 #include "pipeline/stereo/path_kernels.h"
 
 namespace granary {
@@ -31,7 +33,8 @@ namespace {
 
 constexpr int kPaths = 3;  // from the row before: straight on, from the pixel before, from the pixel after
 constexpr int kPathsInAll = 8;
-constexpr int kMaxRowsInWork = 32;  // of one sweep at a time
+constexpr double kFullPenaltyGradient = 20;  // grey levels; see docs/results.md
+constexpr int kMaxRowsInWork = 32;           // of one sweep at a time
 
 // Path costs of the row before a sweep's next one. Slots move along with the diagonal paths, so that each is read and
 // written in one place: pixel i of row j is slot i, i − j and i + j of the three paths, modulo `ring`.
@@ -63,6 +66,8 @@ void Prefetch(const void* data, std::size_t bytes) {
   for (std::size_t at = 0; at < bytes; at += 64) __builtin_prefetch(static_cast<const char*>(data) + at);
 }
 
+static_assert(DisparityTiles::kTile_px == kSegment);
+
 enum class Visit { kPathsOnly, kKeepSums, kPickWinners };
 
 // One way through the picture: rows and pixels in reading order, or both backwards.
@@ -82,7 +87,8 @@ void Penalties(const AggregateOptions& options, const Direction& way, int j, int
   const float* there = options.guide->ptr<float>(way.Row(j - dj));
   for (int i = std::max(0, di); i < std::min(way.width, way.width + di); ++i) {
     const double gradient = std::abs(here[way.Column(i)] - there[way.Column(i - di)]) * options.guide_scale;
-    p2[i] = static_cast<Cost>(std::max<double>(options.p1 + 1, options.p2 / std::max(gradient, 1.0)));
+    const double penalty = kFullPenaltyGradient * options.p2 / std::max(gradient, kFullPenaltyGradient);
+    p2[i] = static_cast<Cost>(std::max<double>(options.p1 + 1, penalty));
   }
 }
 
@@ -92,13 +98,14 @@ class Aggregation {
   Aggregation(const CensusImage& left, const CensusImage& right, DisparityRange range, const AggregateOptions& options,
               Winners& winners)
       : left_(left), right_(right), range_(range), options_(options), winners_(winners) {
-    stride_ = (range.count + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple;
+    const int searched = options.tiles == nullptr ? range.count : options.tiles->count;
+    stride_ = (searched + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple;
     chunks_ = stride_ / kChunk;
     offset_ = -range.min_px - (range.count - 1);
     padding_.Reserve(stride_);
     tags_.Reserve(stride_);
     for (int e = 0; e < stride_; ++e) {
-      const bool real = e < range.count;
+      const bool real = e < searched;
       padding_.data()[e] = real ? Cost{0} : std::numeric_limits<Cost>::max();
       tags_.data()[e] = real ? static_cast<Key<Cost>>(kChunk - 1 - e % kChunk) : std::numeric_limits<Key<Cost>>::max();
     }
@@ -120,16 +127,20 @@ class Aggregation {
     Direction way;
     PathSlots<Cost> slots;
   };
-  // What one thread needs for one row.
+  // What one thread needs for one row, and where it stands in it.
   struct Scratch {
-    RawArray<std::uint8_t> cost, right;
+    RawArray<std::uint8_t> cost, prepared;
     RawArray<Cost> row_path, sums;
-    RawArray<Key<Cost>> keys, best_right, right_winners;
+    RawArray<Key<Cost>> keys, right;
     std::vector<Cost> p2[kPaths + 1];
     int j = 0, y = 0;
     CostRow row;
     Cost row_least = 0;
     Cost* kept = nullptr;
+    int segment = 0, x = 0;    // counted in columns
+    int begin = 0, count = 0;  // pixels of the segment in the order of the sweep
+    int first_lane = 0;
+    bool moves = false;  // whether neighbours of the segment have other lanes
   };
 
   // Rows j0 … j1 − 1 of a sweep; `kept` holds the sums of those rows, the topmost one first.
@@ -148,12 +159,19 @@ class Aggregation {
   void Work(Stretch& stretch) const;
   void BeginRow(const Stretch& stretch, int j, Scratch& scratch) const;
   void RowPair(Stretch& stretch, int j, int rows, Scratch (&scratch)[2]) const;
-  PathRun<Cost> FirstRun(const Stretch& stretch, Scratch& scratch, int begin, int count, int at = 0) const;
-  void Pick(const Stretch& stretch, int begin, int count, Scratch& scratch) const;
-  void PickRightRow(Scratch& scratch) const;
+  void BeginSegment(const Stretch& stretch, int s, Scratch& scratch) const;
+  void MoveLanes(const Sweep& sweep, Scratch& scratch) const;
+  PathRun<Cost> FirstRun(const Stretch& stretch, Scratch& scratch, int at) const;
+  void Pick(const Stretch& stretch, Scratch& scratch) const;
 
   [[nodiscard]] std::size_t RowSize() const { return static_cast<std::size_t>(left_.width) * stride_; }
-  [[nodiscard]] std::size_t RightStride() const { return left_.width + kChunk + kSegment + kLaneMultiple; }
+  [[nodiscard]] std::size_t RightWidth() const { return static_cast<std::size_t>(left_.width) + 2 * kRightMargin; }
+  [[nodiscard]] int Segments() const { return (left_.width + kSegment - 1) / kSegment; }
+  /// Of the pixels of row y in a segment, counted in columns.
+  [[nodiscard]] int FirstLane(int y, int segment) const {
+    if (options_.tiles == nullptr) return 0;
+    return range_.count - stride_ - options_.tiles->first.at<int>(y / DisparityTiles::kTile_px, segment);
+  }
 
   const CensusImage& left_;
   const CensusImage& right_;
@@ -246,15 +264,14 @@ void Aggregation<Cost>::Work(Stretch& stretch) const {
   Scratch scratch[2];
   for (Scratch& one : scratch) {
     one.cost.Reserve(static_cast<std::size_t>(kSegment) * stride_);
-    one.right.Reserve(PreparedBytes(left_.width, stride_, left_.bytes));
-    std::fill_n(one.right.data(), one.right.capacity(), std::uint8_t{0});
+    one.prepared.Reserve(PreparedBytes(left_.width, range_.count, left_.bytes));
+    std::fill_n(one.prepared.data(), one.prepared.capacity(), std::uint8_t{0});
     one.row_path.Reserve(stride_);
     if (stretch.visit != Visit::kPickWinners) continue;
     one.sums.Reserve(static_cast<std::size_t>(kSegment) * stride_);
     one.keys.Reserve(static_cast<std::size_t>(kSegment) * chunks_ * kKeyStride);
     std::fill_n(one.keys.data(), one.keys.capacity(), std::numeric_limits<Key<Cost>>::max());
-    one.best_right.Reserve(chunks_ * RightStride());
-    one.right_winners.Reserve(2 * static_cast<std::size_t>(left_.width));
+    one.right.Reserve(2 * RightWidth());
   }
   // Rows are taken in order, so the row before any that is waited for is in the hands of a running thread.
   const int rows = stretch.j1 - stretch.j0;
@@ -271,17 +288,19 @@ void Aggregation<Cost>::BeginRow(const Stretch& stretch, int j, Scratch& scratch
   scratch.y = way.Row(j);
   CostRow& row = scratch.row;
   row.left = left_.Row(scratch.y);
-  row.right = scratch.right.data();
-  row.right_stride = PreparedPlaneStride(way.width, stride_);
+  row.right = scratch.prepared.data();
+  row.right_stride = PreparedPlaneStride(way.width, range_.count);
   row.bytes = left_.bytes;
   row.width = way.width;
-  row.count = range_.count;
+  row.lanes = range_.count;
   row.stride = stride_;
   row.offset = offset_;
   row.outside = static_cast<std::uint8_t>(options_.census_bits);
-  PrepareRight(right_.Row(scratch.y), row, scratch.right.data());
+  PrepareRight(right_.Row(scratch.y), row, scratch.prepared.data());
   if (stretch.visit == Visit::kPickWinners) {
-    std::fill_n(scratch.best_right.data(), chunks_ * RightStride(), std::numeric_limits<Key<Cost>>::max());
+    constexpr Key<Cost> kNoSum = std::numeric_limits<Key<Cost>>::max() >> kTagBits;
+    std::fill_n(scratch.right.data(), RightWidth(), kNoSum);
+    std::fill_n(scratch.right.data() + RightWidth(), RightWidth(), Key<Cost>{0});
   }
   if (options_.guide != nullptr || scratch.p2[0].empty()) {
     Penalties(options_, way, j, 1, 0, scratch.p2[0]);
@@ -306,49 +325,113 @@ void Aggregation<Cost>::RowPair(Stretch& stretch, int j, int rows, Scratch (&scr
   for (int r = 0; r < rows; ++r) BeginRow(stretch, j + r, scratch[r]);
   std::atomic<int>* done = &stretch.progress[j - stretch.j0];
   // The second row is a segment behind the first one, on which it stands.
-  for (int i = 0; i < way.width + (rows - 1) * kSegment; i += kSegment) {
-    PathRun<Cost> runs[2];
-    int begin[2] = {}, count[2] = {};
+  for (int s = 0; s < Segments() + rows - 1; ++s) {
+    bool moves = false;
     for (int r = 0; r < rows; ++r) {
-      begin[r] = i - r * kSegment;
-      count[r] = begin[r] < 0 ? 0 : std::clamp(way.width - begin[r], 0, kSegment);
-      if (count[r] == 0) continue;
+      BeginSegment(stretch, s - r, scratch[r]);
+      if (scratch[r].count == 0) continue;
       if (r == 0 && j > stretch.j0) {
-        const int wanted = std::min(way.width, i + count[r] + 1);  // one path comes from the pixel after
+        const int wanted =
+            std::min(way.width, scratch[0].begin + scratch[0].count + 1);  // one path is from the pixel after
         while (done[-1].load(std::memory_order_acquire) < wanted) std::this_thread::yield();
       }
-      ComputeCosts(scratch[r].row, way.Column(begin[r]), way.forward ? 1 : -1, count[r], scratch[r].cost.data());
-      if (stretch.visit == Visit::kPickWinners) {
-        const int leftmost = way.forward ? begin[r] : way.Column(begin[r] + count[r] - 1);
-        Prefetch(scratch[r].kept + static_cast<std::size_t>(leftmost) * stride_,
-                 static_cast<std::size_t>(count[r]) * stride_ * sizeof(Cost));
-      }
-      runs[r] = FirstRun(stretch, scratch[r], begin[r], count[r]);
+      ComputeCosts(scratch[r].row, way.Column(scratch[r].begin), way.forward ? 1 : -1, scratch[r].count,
+                   scratch[r].first_lane, scratch[r].cost.data());
+      moves = moves || scratch[r].moves;
     }
-    if (runs[0].count == count[0] && runs[1].count == count[1] && count[0] > 0 && count[1] > 0) {
+    PathRun<Cost> runs[2];
+    const auto whole = [&](int r) {
+      runs[r] = FirstRun(stretch, scratch[r], 0);
+      return runs[r].count == scratch[r].count;
+    };
+    if (!moves && rows == 2 && scratch[0].count > 0 && scratch[1].count > 0 && whole(0) && whole(1)) {
       StepPaths(runs[0], &runs[1]);
     } else {
       for (int r = 0; r < rows; ++r) {
-        for (int at = 0; at < count[r]; at += runs[r].count) {
-          runs[r] = FirstRun(stretch, scratch[r], begin[r], count[r], at);
+        if (scratch[r].moves) MoveLanes(*stretch.sweep, scratch[r]);
+        for (int at = 0; at < scratch[r].count; at += runs[r].count) {
+          runs[r] = FirstRun(stretch, scratch[r], at);
           StepPaths(runs[r], nullptr);
         }
       }
     }
     for (int r = 0; r < rows; ++r) {
-      if (count[r] == 0) continue;
-      done[r].store(begin[r] + count[r], std::memory_order_release);
-      if (stretch.visit == Visit::kPickWinners) Pick(stretch, begin[r], count[r], scratch[r]);
+      if (scratch[r].count == 0) continue;
+      done[r].store(scratch[r].begin + scratch[r].count, std::memory_order_release);
+      if (stretch.visit == Visit::kPickWinners) Pick(stretch, scratch[r]);
     }
   }
   if (stretch.visit != Visit::kPickWinners) return;
-  for (int r = 0; r < rows; ++r) PickRightRow(scratch[r]);
+  for (int r = 0; r < rows; ++r) {
+    const Key<Cost>* sum = scratch[r].right.data() + kRightMargin;
+    const Key<Cost>* index = sum + RightWidth();
+    std::int16_t* out = winners_.right_index.ptr<std::int16_t>(scratch[r].y);
+    constexpr Key<Cost> kNoSum = std::numeric_limits<Key<Cost>>::max() >> kTagBits;
+    for (int x = 0; x < way.width; ++x) {
+      out[x] = sum[x] == kNoSum ? std::int16_t{-1} : static_cast<std::int16_t>(index[x]);
+    }
+  }
 }
 
-// Of the segment that begins at pixel `begin`, what follows its first `at` pixels up to where a ring of slots ends.
+// Segments are the same columns for both directions.
 template <typename Cost>
-PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scratch, int begin, int count,
-                                          int at) const {
+void Aggregation<Cost>::BeginSegment(const Stretch& stretch, int s, Scratch& scratch) const {
+  scratch.count = 0;
+  scratch.moves = false;
+  if (s < 0 || s >= Segments()) return;
+  const Direction& way = stretch.sweep->way;
+  scratch.segment = way.forward ? s : Segments() - 1 - s;
+  scratch.x = scratch.segment * kSegment;
+  scratch.count = std::min(kSegment, way.width - scratch.x);
+  scratch.begin = way.forward ? scratch.x : way.Column(scratch.x + scratch.count - 1);
+  scratch.first_lane = FirstLane(scratch.y, scratch.segment);
+  if (options_.tiles != nullptr) {
+    const int before = scratch.j > 0 ? way.Row(scratch.j - 1) : scratch.y;
+    for (int near = std::max(0, scratch.segment - 1); near <= std::min(Segments() - 1, scratch.segment + 1); ++near) {
+      scratch.moves = scratch.moves || FirstLane(before, near) != scratch.first_lane ||
+                      FirstLane(scratch.y, near) != scratch.first_lane;
+    }
+  }
+  if (stretch.visit == Visit::kPickWinners) {
+    Prefetch(scratch.kept + static_cast<std::size_t>(scratch.x) * stride_,
+             static_cast<std::size_t>(scratch.count) * stride_ * sizeof(Cost));
+  }
+}
+
+// Where the pixel before searched other disparities, its path costs move to the lanes of this one's; what it did not
+// search costs without limit.
+template <typename Cost>
+void Aggregation<Cost>::MoveLanes(const Sweep& sweep, Scratch& scratch) const {
+  const Direction& way = sweep.way;
+  const auto move = [&](Cost* slot, int from_lane) {
+    const int shift = scratch.first_lane - from_lane, kept = std::max(0, stride_ - std::abs(shift));
+    constexpr Cost kNothing = std::numeric_limits<Cost>::max();
+    if (shift == 0) return;
+    if (shift > 0) {
+      std::copy(slot + stride_ - kept, slot + stride_, slot);
+      std::fill(slot + kept, slot + stride_, kNothing);
+    } else {
+      std::copy_backward(slot, slot + kept, slot + stride_);
+      std::fill(slot, slot + stride_ - kept, kNothing);
+    }
+  };
+  const auto lane_of = [&](int i, int y) { return FirstLane(y, way.Column(i) / kSegment); };
+  if (scratch.begin > 0) move(scratch.row_path.data(), lane_of(scratch.begin - 1, scratch.y));
+  if (scratch.j == 0) return;
+  const int before = way.Row(scratch.j - 1);
+  for (int k = 0; k < kPaths; ++k) {
+    const int from = k == 0 ? 0 : k == 1 ? -1 : 1;
+    for (int i = scratch.begin; i < scratch.begin + scratch.count; ++i) {
+      if (i + from < 0 || i + from >= way.width) continue;
+      move(sweep.slots.Path(k) + static_cast<std::size_t>(sweep.slots.Place(k, i, scratch.j)) * stride_,
+           lane_of(i + from, before));
+    }
+  }
+}
+
+// Of a segment, what follows its first `at` pixels up to where a ring of slots ends.
+template <typename Cost>
+PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scratch, int at) const {
   const Sweep& sweep = *stretch.sweep;
   const Direction& way = sweep.way;
   PathRun<Cost> run;
@@ -357,17 +440,17 @@ PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scrat
   run.p1 = static_cast<Cost>(options_.p1);
   run.row_path = scratch.row_path.data();
   run.row_least = &scratch.row_least;
-  run.count = count - at;
+  run.count = scratch.count - at;
   for (int k = 0; k < kPaths; ++k) {
-    const int place = sweep.slots.Place(k, begin + at, scratch.j);
+    const int place = sweep.slots.Place(k, scratch.begin + at, scratch.j);
     run.count = std::min(run.count, sweep.slots.ring - place);
     run.paths[k] = sweep.slots.Path(k) + static_cast<std::size_t>(place) * stride_;
     run.least[k] = sweep.slots.Least(k) + place;
   }
-  for (int k = 0; k <= kPaths; ++k) run.p2[k] = scratch.p2[k].data() + begin + at;
+  for (int k = 0; k <= kPaths; ++k) run.p2[k] = scratch.p2[k].data() + scratch.begin + at;
   run.cost = scratch.cost.data() + static_cast<std::size_t>(at) * stride_;
   if (stretch.visit == Visit::kKeepSums) {
-    run.sums = scratch.kept + static_cast<std::size_t>(way.Column(begin + at)) * stride_;
+    run.sums = scratch.kept + static_cast<std::size_t>(way.Column(scratch.begin + at)) * stride_;
     run.sums_step = way.forward ? stride_ : -stride_;
   } else if (stretch.visit == Visit::kPickWinners) {
     run.sums = scratch.sums.data() + static_cast<std::size_t>(at) * stride_;
@@ -377,46 +460,32 @@ PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scrat
 }
 
 template <typename Cost>
-void Aggregation<Cost>::Pick(const Stretch& stretch, int begin, int count, Scratch& scratch) const {
+void Aggregation<Cost>::Pick(const Stretch& stretch, Scratch& scratch) const {
   const Direction& way = stretch.sweep->way;
   WinnerRun<Cost> run;
-  run.x = way.forward ? begin : way.Column(begin + count - 1);
-  run.count = count;
+  run.x = scratch.x;
+  run.count = scratch.count;
   run.width = way.width;
-  run.disparities = range_.count;
+  run.lanes = range_.count;
   run.stride = stride_;
   run.offset = offset_;
+  run.first_lane = scratch.first_lane;
   const std::ptrdiff_t step = way.forward ? stride_ : -stride_;
-  const std::size_t leftmost = way.forward ? 0 : static_cast<std::size_t>(count - 1) * stride_;
+  const std::size_t leftmost = way.forward ? 0 : static_cast<std::size_t>(scratch.count - 1) * stride_;
   run.cost = scratch.cost.data() + leftmost;
-  run.sums[0] = scratch.kept + static_cast<std::size_t>(run.x) * stride_;
+  run.sums[0] = scratch.kept + static_cast<std::size_t>(scratch.x) * stride_;
   run.sums[1] = scratch.sums.data() + leftmost;
   run.step[0] = run.step[2] = step;
   run.step[1] = stride_;
   run.tags = tags_.data();
-  run.keys = scratch.keys.data();
-  run.right = scratch.best_right.data();
-  run.right_stride = RightStride();
   run.near = near_.data();
-  run.left_index = winners_.left_index.ptr<std::int16_t>(scratch.y) + run.x;
-  run.subpixel = winners_.subpixel.ptr<float>(scratch.y) + run.x;
-  run.unique = winners_.unique.ptr<std::uint8_t>(scratch.y) + run.x;
+  run.keys = scratch.keys.data();
+  run.left_index = winners_.left_index.ptr<std::int16_t>(scratch.y) + scratch.x;
+  run.subpixel = winners_.subpixel.ptr<float>(scratch.y) + scratch.x;
+  run.unique = winners_.unique.ptr<std::uint8_t>(scratch.y) + scratch.x;
+  run.right_sum = scratch.right.data() + kRightMargin;
+  run.right_index = run.right_sum + RightWidth();
   SelectWinners(run);
-}
-
-template <typename Cost>
-void Aggregation<Cost>::PickRightRow(Scratch& scratch) const {
-  RightRow<Cost> row;
-  row.width = left_.width;
-  row.disparities = range_.count;
-  row.stride = stride_;
-  row.offset = offset_;
-  row.right = scratch.best_right.data();
-  row.right_stride = RightStride();
-  row.sums = scratch.right_winners.data();
-  row.places = scratch.right_winners.data() + left_.width;
-  row.index = winners_.right_index.ptr<std::int16_t>(scratch.y);
-  PickRight(row);
 }
 
 // Whether bytes hold every path cost, the sums of four paths without C, and 16-bit keys the sums of all eight.
@@ -438,6 +507,19 @@ void FindWinners(const CensusImage& left, const CensusImage& right, DisparityRan
   }
   if (options.p1 < 0 || options.p2 < options.p1 || options.p2 > 4000) {
     throw std::invalid_argument("aggregation: penalties must be 0 <= P1 <= P2 <= 4000");
+  }
+  if (options.tiles != nullptr) {
+    constexpr int kTile = DisparityTiles::kTile_px;
+    const cv::Mat& first = options.tiles->first;
+    const int count = options.tiles->count;
+    double least = 0, most = 0;
+    if (first.type() == CV_32SC1) cv::minMaxLoc(first, &least, &most);
+    if (first.type() != CV_32SC1 || count < kLaneMultiple || count % kLaneMultiple != 0 ||
+        first.cols != (left.width + kTile - 1) / kTile || first.rows != (left.height + kTile - 1) / kTile ||
+        least < 0 || most + count > range.count) {
+      throw std::invalid_argument(
+          "aggregation: tiles must cover the picture and search a multiple of 64 disparities inside the range");
+    }
   }
   ChooseInstructionSet();
   if (FitsBytes(options)) {

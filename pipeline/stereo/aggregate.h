@@ -17,13 +17,24 @@ struct DisparityRange {
   int count = 0;
 };
 
+/// Where to search, tile by tile: each kTile_px square of the left picture has `count` disparities, from index
+/// `first` of the range on.
+struct DisparityTiles {
+  static constexpr int kTile_px = 32;
+  int count = 0;  ///< a multiple of 64
+  cv::Mat first;  ///< CV_32SC1, a value a tile, 0 … range.count − count
+};
+
 struct AggregateOptions {
   int p1 = 6;
   int p2 = 40;
   int census_bits = 62;
-  const cv::Mat* guide = nullptr;  ///< CV_32FC1; when set, P2 adapts to its gradient: max(P1 + 1, P2 / |∂I|)
-  double guide_scale = 1.0;        ///< grey levels (of 255) per unit of `guide`
-  double uniqueness = 0;           ///< share by which every sum but the winner's neighbours must exceed the winner
+  const cv::Mat* guide =
+      nullptr;               ///< CV_32FC1; when set, P2 falls with its gradient: max(P1 + 1, min(P2, 20·P2 / |∂I|))
+  double guide_scale = 1.0;  ///< grey levels (of 255) per unit of `guide`
+  double uniqueness = 0;     ///< share by which every sum but the winner's neighbours must exceed the winner
+  const DisparityTiles* tiles =
+      nullptr;  ///< when set, a pixel has the disparities of its tile only, as if others cost without limit
   /// Most memory for the sums of the first four paths, bytes; pictures that need more are done in bands, each of whose
   /// first four paths are followed twice. The result is the same.
   std::size_t sums_budget = std::size_t{700} << 20;
@@ -48,7 +59,7 @@ struct AggregateBuffers {
 /// sums the least disparity. Between whole disparities the equiangular interpolant (Shimizu and Okutomi 2001).
 ///
 /// The result depends neither on the number of threads nor on the instruction set. Source: Zhao 2023, §4 (METHOD §3).
-/// @throws std::invalid_argument for pictures of different size, an empty range, or penalties that do not fit
+/// @throws std::invalid_argument for pictures of different size, an empty range, or penalties or tiles that do not fit
 /// @param winners the result; Mats of the right size are written over
 void FindWinners(const CensusImage& left, const CensusImage& right, DisparityRange range,
                  const AggregateOptions& options, AggregateBuffers& buffers, Winners& winners);

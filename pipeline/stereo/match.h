@@ -6,6 +6,7 @@
 #include "pipeline/options.h"
 #include "pipeline/stereo/aggregate.h"
 #include "pipeline/stereo/census.h"
+#include "pipeline/stereo/usable.h"
 
 namespace granary {
 
@@ -19,18 +20,21 @@ struct MatchBuffers {
   CensusImage left_census, right_census;
   AggregateBuffers aggregate;
   Winners winners;
+  cv::Mat left_grey, right_grey, left_disparity, right_disparity, filtered;
 };
 
 /// Disparity of every left pixel, `x_right = x_left − disparity`.
 ///
 /// @param left, right rectified grey, one size, 8- or 16-bit or CV_32FC1
 /// @param range disparities searched
-/// @param valid CV_8UC1 or empty; a pixel of the left picture with 0 there is invalid in the result
+/// @param usable a pixel whose mask is 0, or whose partner's is, is invalid in the result; saturated areas of 8- and
+///   16-bit pictures are so without a mask
 /// @param buffers memory to use again; null allocates and gives it back
-/// @throws std::invalid_argument for pictures of different size, type or more than one channel, an empty range, or a
+/// @throws std::invalid_argument for pictures of different size, type or more than one channel, masks that do not fit,
+/// an empty range, or a
 ///   range that leaves no overlap
 [[nodiscard]] StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range,
-                                       const StereoOptions& options, const cv::Mat& valid = {},
+                                       const StereoOptions& options, const UsablePixels& usable = {},
                                        MatchBuffers* buffers = nullptr);
 
 }  // namespace granary

@@ -112,7 +112,7 @@ void PrepareRightRow(const std::uint8_t* right, const CostRow& row, std::uint8_t
   const std::size_t stride = row.right_stride;
   // place p holds column p + offset
   const int from = std::clamp(row.offset, 0, row.width),
-            to = std::clamp(row.offset + row.width + row.stride, from, row.width);
+            to = std::clamp(row.offset + row.width + row.lanes + kLaneMultiple, from, row.width);
   for (int k = 0; k < row.bytes; ++k) {
     const std::uint8_t* plane = right + static_cast<std::size_t>(k) * row.width;
 #if GRANARY_NIBBLES
@@ -138,7 +138,7 @@ void PrepareRightRow(const std::uint8_t* right, const CostRow& row, std::uint8_t
 
 // kBytes 0: as many as the row says.
 template <int kBytes>
-void CostsOfBytes(const CostRow& row, int x, int step, int count, std::uint8_t* HWY_RESTRICT cost) {
+void CostsOfBytes(const CostRow& row, int x, int step, int count, int first_lane, std::uint8_t* HWY_RESTRICT cost) {
   const int bytes = kBytes > 0 ? kBytes : row.bytes;
   const hn::ScalableTag<std::uint8_t> d8;
   using V = hn::Vec<decltype(d8)>;
@@ -171,24 +171,25 @@ void CostsOfBytes(const CostRow& row, int x, int step, int count, std::uint8_t* 
       }
       return sum;
     };
-    for (int e = 0; e < row.stride; e += lanes) hn::Store(distance(row.right + x + e), d8, cost + e);
+    const std::uint8_t* right = row.right + x + first_lane;
+    for (int e = 0; e < row.stride; e += lanes) hn::Store(distance(right + e), d8, cost + e);
     // right columns outside the picture
-    const int first = std::clamp(-(x + row.offset), 0, row.count);
-    const int last = std::clamp(row.width - (x + row.offset), first, row.count);
+    const int column = x + first_lane + row.offset, slots = std::min(row.stride, row.lanes - first_lane);
+    const int first = std::clamp(-column, 0, slots), last = std::clamp(row.width - column, first, slots);
     if (first > 0) std::memset(cost, row.outside, first);
-    if (last < row.count) std::memset(cost + last, row.outside, row.count - last);
-    if (row.count < row.stride) std::memset(cost + row.count, 255, row.stride - row.count);
+    if (last < slots) std::memset(cost + last, row.outside, slots - last);
+    if (slots < row.stride) std::memset(cost + slots, 255, row.stride - slots);
   }
 }
 
-void ComputeCostRun(const CostRow& row, int x, int step, int count, std::uint8_t* cost) {
+void ComputeCostRun(const CostRow& row, int x, int step, int count, int first_lane, std::uint8_t* cost) {
   switch (row.bytes) {
     case 8:
-      return CostsOfBytes<8>(row, x, step, count, cost);  // 9×7
+      return CostsOfBytes<8>(row, x, step, count, first_lane, cost);  // 9×7
     case 3:
-      return CostsOfBytes<3>(row, x, step, count, cost);  // 5×5
+      return CostsOfBytes<3>(row, x, step, count, first_lane, cost);  // 5×5
     default:
-      return CostsOfBytes<0>(row, x, step, count, cost);
+      return CostsOfBytes<0>(row, x, step, count, first_lane, cost);
   }
 }
 
@@ -337,14 +338,14 @@ HWY_INLINE std::uint64_t MakeKeys(const WinnerRun<T>& run, int j, Key<T>* keys) 
   const hn::Rebind<T, decltype(dk)> dt;
   const hn::Rebind<std::uint8_t, decltype(dk)> d8;
   const int lanes = static_cast<int>(hn::Lanes(dk));
-  const int chunks = run.stride / kChunk, x = run.x + j;
+  const int chunks = run.stride / kChunk;
   constexpr K kNone = std::numeric_limits<K>::max();
   const std::uint8_t* cost = run.cost + j * run.step[0];
   const T* first_sums = run.sums[0] + j * run.step[1];
   const T* second_sums = run.sums[1] + j * run.step[2];
-  const int first = std::clamp(-(x + run.offset), 0, run.disparities);
-  const int last = std::clamp(run.width - (x + run.offset), first, run.disparities);
-  const bool whole = first == 0 && last == run.disparities;
+  const int column = run.x + j + run.first_lane + run.offset, slots = std::min(run.stride, run.lanes - run.first_lane);
+  const int first = std::clamp(-column, 0, slots), last = std::clamp(run.width - column, first, slots);
+  const bool whole = first == 0 && last == slots;
   const auto promote = [&](const T* sums) HWY_ATTR { return hn::PromoteTo(dk, hn::Load(dt, sums)); };
   std::uint64_t best = ~std::uint64_t{0};
   for (int c = 0; c < chunks; ++c, keys += kKeyStride) {
@@ -370,6 +371,40 @@ HWY_INLINE std::uint64_t MakeKeys(const WinnerRun<T>& run, int j, Key<T>* keys) 
         best, (key >> kTagBits) << 32 | static_cast<std::uint64_t>(chunks - 1 - c) << kTagBits | (key & (kChunk - 1)));
   }
   return best;
+}
+
+// Right columns that chunk c of the run's pixels sees: all pixels at once for each vector of columns, then against what
+// was least before. Of equal sums the least disparity wins.
+template <class T>
+HWY_INLINE void UpdateRight(const WinnerRun<T>& run, int c) {
+  using K = Key<T>;
+  const hn::ScalableTag<K> dk;
+  using V = hn::Vec<decltype(dk)>;
+  const int lanes = static_cast<int>(hn::Lanes(dk));
+  const int column = run.x + run.first_lane + c * kChunk + run.offset;  // that the first key of the first pixel sees
+  if (column >= run.width || column + kChunk + kSegment <= 0) return;
+  const std::size_t pixel = static_cast<std::size_t>(run.stride / kChunk) * kKeyStride;
+  const V last_index = hn::Set(dk, static_cast<K>(run.lanes - run.first_lane - (c + 1) * kChunk));
+  constexpr int kVectors = (kChunk + kSegment) / static_cast<int>(hn::MaxLanes(hn::ScalableTag<K>()));
+  constexpr int kAtOnce = kVectors % 3 == 0 ? 3 : 1;
+  for (int r = 0; r < kChunk + kSegment; r += kAtOnce * lanes) {
+    V least[kAtOnce];
+    for (int v = 0; v < kAtOnce; ++v) least[v] = hn::Set(dk, std::numeric_limits<K>::max());
+    const K* keys = run.keys + c * kKeyStride + kKeyGuard + r;
+    for (int j = 0; j < run.count; ++j, keys += pixel - 1) {
+      for (int v = 0; v < kAtOnce; ++v) least[v] = hn::Min(least[v], hn::LoadU(dk, keys + v * lanes));
+    }
+    for (int v = 0; v < kAtOnce; ++v) {
+      K* old_sum_at = run.right_sum + column + r + v * lanes;
+      K* old_index_at = run.right_index + column + r + v * lanes;
+      const V sum = hn::ShiftRight<kTagBits>(least[v]);
+      const V index = hn::Add(last_index, hn::And(least[v], hn::Set(dk, kChunk - 1)));
+      const V old_sum = hn::LoadU(dk, old_sum_at), old_index = hn::LoadU(dk, old_index_at);
+      const auto better = hn::Or(hn::Lt(sum, old_sum), hn::And(hn::Eq(sum, old_sum), hn::Lt(index, old_index)));
+      hn::StoreU(hn::Min(sum, old_sum), dk, old_sum_at);
+      hn::StoreU(hn::IfThenElse(better, index, old_index), dk, old_index_at);
+    }
+  }
 }
 
 template <class T>
@@ -407,7 +442,7 @@ void SelectWinnerRun(const WinnerRun<T>& run) {
     const K below = here[e % kChunk == 0 && e > 0 ? -1 - kGap : -1];
     const K above = here[e % kChunk == kChunk - 1 && e + 1 < run.stride ? 1 + kGap : 1];
     rivals -= 1u + (below <= most) + (above <= most);
-    run.left_index[j] = static_cast<std::int16_t>(run.disparities - 1 - e);
+    run.left_index[j] = static_cast<std::int16_t>(run.lanes - 1 - run.first_lane - e);
     run.unique[j] = rivals == 0 ? 255 : 0;
     // At the ends no offset, and none where nothing rises.
     constexpr K kNone = std::numeric_limits<K>::max();
@@ -420,62 +455,9 @@ void SelectWinnerRun(const WinnerRun<T>& run) {
     run.subpixel[j] = 0.5f * (rise_down[j] - rise_up[j]) / steeper;
   }
 
-  // Right columns: all pixels of the run at once for each vector of columns, so that none is read back soon after it
-  // was written.
-  constexpr int kVectors = (kChunk + kSegment) / static_cast<int>(hn::MaxLanes(hn::ScalableTag<K>()));
-  constexpr int kAtOnce = kVectors % 3 == 0 ? 3 : 1;
-  for (int c = 0; c < chunks; ++c) {
-    for (int r = 0; r < kChunk + kSegment; r += kAtOnce * lanes) {
-      K* right = run.right + c * run.right_stride + run.x + r;
-      hn::Vec<decltype(dk)> least[kAtOnce];
-      for (int v = 0; v < kAtOnce; ++v) least[v] = hn::LoadU(dk, right + v * lanes);
-      const K* keys = run.keys + c * kKeyStride + kKeyGuard + r;
-      for (int j = 0; j < run.count; ++j, keys += pixel - 1) {
-        for (int v = 0; v < kAtOnce; ++v) least[v] = hn::Min(least[v], hn::LoadU(dk, keys + v * lanes));
-      }
-      for (int v = 0; v < kAtOnce; ++v) hn::StoreU(least[v], dk, right + v * lanes);
-    }
-  }
+  for (int c = 0; c < chunks; ++c) UpdateRight(run, c);
 }
 
-// The least key among the chunks of every right column.
-template <class T>
-void PickRightColumns(const RightRow<T>& row) {
-  using K = Key<T>;
-  const hn::ScalableTag<K> dk;
-  const int lanes = static_cast<int>(hn::Lanes(dk));
-  const int chunks = row.stride / kChunk;
-  constexpr K kNone = std::numeric_limits<K>::max();
-  std::fill_n(row.sums, row.width, kNone);
-  for (int c = chunks - 1; c >= 0; --c) {  // of equal sums the least disparity, which is the last lane
-    const K* keys = row.right + c * row.right_stride;
-    const int shift = -row.offset - c * kChunk;  // column of the left pixel plus lane, of right column 0
-    int x = std::clamp(-shift, 0, row.width);
-    const int end = std::clamp(row.width + kChunk - shift, x, row.width);
-    const int first = (chunks - 1 - c) * kChunk;
-    for (; x + lanes <= end; x += lanes) {
-      const auto key = hn::LoadU(dk, keys + x + shift);
-      const auto old = hn::LoadU(dk, row.sums + x);
-      const auto sum = hn::Min(hn::ShiftRight<kTagBits>(key), old);
-      const auto place = hn::Add(hn::And(key, hn::Set(dk, kChunk - 1)), hn::Set(dk, static_cast<K>(first)));
-      hn::StoreU(hn::IfThenElse(hn::Eq(sum, old), hn::LoadU(dk, row.places + x), place), dk, row.places + x);
-      hn::StoreU(sum, dk, row.sums + x);
-    }
-    for (; x < end; ++x) {
-      const K key = keys[x + shift];
-      if (key >> kTagBits >= row.sums[x]) continue;
-      row.sums[x] = key >> kTagBits;
-      row.places[x] = static_cast<K>((key & (kChunk - 1)) + first);
-    }
-  }
-  for (int x = 0; x < row.width; ++x) {
-    const int index = row.disparities - row.stride + static_cast<int>(row.places[x]);
-    row.index[x] = static_cast<std::int16_t>(row.sums[x] >= kNone >> kTagBits ? -1 : index);
-  }
-}
-
-void PickRight8(const RightRow<std::uint8_t>& row) { PickRightColumns(row); }
-void PickRight16(const RightRow<std::uint16_t>& row) { PickRightColumns(row); }
 void StepPaths8(const PathRun<std::uint8_t>& first, const PathRun<std::uint8_t>* second) { StepPathsOf(first, second); }
 void StepPaths16(const PathRun<std::uint16_t>& first, const PathRun<std::uint16_t>* second) {
   StepPathsOf(first, second);
@@ -496,27 +478,26 @@ HWY_EXPORT(StepPaths8);
 HWY_EXPORT(StepPaths16);
 HWY_EXPORT(SelectWinners8);
 HWY_EXPORT(SelectWinners16);
-HWY_EXPORT(PickRight8);
-HWY_EXPORT(PickRight16);
 
 void ChooseInstructionSet() {
   static const bool chosen = (hwy::GetChosenTarget().Update(hwy::SupportedTargets()), true);
   static_cast<void>(chosen);
 }
 
-std::size_t PreparedPlaneStride(int width, int stride) {
-  return (static_cast<std::size_t>(width) + stride + kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple + kLaneMultiple;
+std::size_t PreparedPlaneStride(int width, int lanes) {
+  return (static_cast<std::size_t>(width) + lanes + 2 * kLaneMultiple - 1) / kLaneMultiple * kLaneMultiple +
+         kLaneMultiple;
 }
 
-std::size_t PreparedBytes(int width, int stride, int bytes) {
-  return 2 * static_cast<std::size_t>(bytes) * PreparedPlaneStride(width, stride);  // nibbles, where they are wanted
+std::size_t PreparedBytes(int width, int lanes, int bytes) {
+  return 2 * static_cast<std::size_t>(bytes) * PreparedPlaneStride(width, lanes);  // nibbles, where they are wanted
 }
 
 void PrepareRight(const std::uint8_t* right, const CostRow& row, std::uint8_t* prepared) {
   HWY_DYNAMIC_DISPATCH(PrepareRightRow)(right, row, prepared);
 }
-void ComputeCosts(const CostRow& row, int x, int step, int count, std::uint8_t* cost) {
-  HWY_DYNAMIC_DISPATCH(ComputeCostRun)(row, x, step, count, cost);
+void ComputeCosts(const CostRow& row, int x, int step, int count, int first_lane, std::uint8_t* cost) {
+  HWY_DYNAMIC_DISPATCH(ComputeCostRun)(row, x, step, count, first_lane, cost);
 }
 void StepPaths(const PathRun<std::uint8_t>& first, const PathRun<std::uint8_t>* second) {
   HWY_DYNAMIC_DISPATCH(StepPaths8)(first, second);
@@ -526,8 +507,6 @@ void StepPaths(const PathRun<std::uint16_t>& first, const PathRun<std::uint16_t>
 }
 void SelectWinners(const WinnerRun<std::uint8_t>& run) { HWY_DYNAMIC_DISPATCH(SelectWinners8)(run); }
 void SelectWinners(const WinnerRun<std::uint16_t>& run) { HWY_DYNAMIC_DISPATCH(SelectWinners16)(run); }
-void PickRight(const RightRow<std::uint8_t>& row) { HWY_DYNAMIC_DISPATCH(PickRight8)(row); }
-void PickRight(const RightRow<std::uint16_t>& row) { HWY_DYNAMIC_DISPATCH(PickRight16)(row); }
 
 }  // namespace granary
 #endif  // HWY_ONCE

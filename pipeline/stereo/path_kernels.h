@@ -1,8 +1,9 @@
 // The inner loops of semi-global matching, on short runs of pixels of one row. Everything about memory, order and
 // threads is the caller's; see aggregate.cpp.
 //
-// Disparities run backwards inside these arrays: lane e stands for disparity index count − 1 − e, so that the right
-// column grows with the address and the right census row is read as it lies.
+// Disparities run backwards inside these arrays: lane e of all stands for disparity index count − 1 − e, so that the
+// right column grows with the address and the right census row is read as it lies. A pixel may have slots for some of
+// the lanes only, from `first_lane` on.
 #pragma once
 
 #include <cstddef>
@@ -34,21 +35,22 @@ struct CostRow {
   std::size_t right_stride = 0;         ///< from plane to plane
   int bytes = 0;                        ///< census bytes a pixel
   int width = 0;
-  int count = 0, stride = 0;  ///< disparities, slots a pixel
-  int offset = 0;             ///< right column = x + e + offset
-  std::uint8_t outside = 0;   ///< cost where the right column lies outside the picture
+  int lanes = 0;             ///< disparities in all
+  int stride = 0;            ///< slots a pixel
+  int offset = 0;            ///< right column = x + e + offset
+  std::uint8_t outside = 0;  ///< cost where the right column lies outside the picture
 };
 
 /// Room that PrepareRight wants for one row, bytes.
-[[nodiscard]] std::size_t PreparedPlaneStride(int width, int stride);
-[[nodiscard]] std::size_t PreparedBytes(int width, int stride, int bytes);
+[[nodiscard]] std::size_t PreparedPlaneStride(int width, int lanes);
+[[nodiscard]] std::size_t PreparedBytes(int width, int lanes, int bytes);
 
 /// Lays the right row's `row.bytes` planes out in `prepared`, which row.right then names.
 void PrepareRight(const std::uint8_t* right, const CostRow& row, std::uint8_t* prepared);
 
-/// Hamming distances of `count` pixels beginning at x, one every `step` (±1) columns, `row.stride` slots a pixel;
-/// slots past the disparities get 255.
-void ComputeCosts(const CostRow& row, int x, int step, int count, std::uint8_t* cost);
+/// Hamming distances of `count` pixels beginning at x, one every `step` (±1) columns, `row.stride` slots a pixel from
+/// lane `first_lane` on; slots past the last lane get 255.
+void ComputeCosts(const CostRow& row, int x, int step, int count, int first_lane, std::uint8_t* cost);
 
 /// Path costs of a run of pixels, in the order of the sweep.
 template <typename Cost>
@@ -73,34 +75,23 @@ void StepPaths(const PathRun<std::uint16_t>& first, const PathRun<std::uint16_t>
 template <typename Cost>
 struct WinnerRun {
   int x = 0, count = 0;  ///< columns x … x + count − 1
-  int width = 0, disparities = 0, stride = 0, offset = 0;
+  int width = 0, lanes = 0, stride = 0, offset = 0, first_lane = 0;
   const std::uint8_t* cost = nullptr;  ///< of column x
   const Cost* sums[2] = {};            ///< of column x: four paths each
   std::ptrdiff_t step[3] = {};         ///< from a column to the next one of cost, sums[0], sums[1]
-  const Key<Cost>* tags = nullptr;     ///< `stride` values: place in the chunk, all ones past the disparities
-  Key<Cost>* keys = nullptr;           ///< scratch, kSegment × chunks × kKeyStride, guards set
-  Key<Cost>* right = nullptr;          ///< least key of every right column, chunk by chunk; see RightRow
-  std::size_t right_stride = 0;        ///< from chunk to chunk
+  const Key<Cost>* tags = nullptr;     ///< `stride` values: place in the chunk, all ones past the last lane
   const Key<Cost>* near = nullptr;     ///< of every sum, the greatest key that comes near it as a winner
+  Key<Cost>* keys = nullptr;           ///< scratch, kSegment × chunks × kKeyStride, guards set
   std::int16_t* left_index = nullptr;  ///< results, of column x
   float* subpixel = nullptr;
   std::uint8_t* unique = nullptr;
+  /// The least sum so far of every right column and the disparity index it belongs to; kRightMargin more on both sides.
+  Key<Cost>* right_sum = nullptr;
+  Key<Cost>* right_index = nullptr;
 };
+constexpr int kRightMargin = 2 * (kChunk + kSegment);
 void SelectWinners(const WinnerRun<std::uint8_t>& run);
 void SelectWinners(const WinnerRun<std::uint16_t>& run);
-
-/// Winner takes all for the right columns of a row, from what SelectWinners gathered.
-template <typename Cost>
-struct RightRow {
-  int width = 0, disparities = 0, stride = 0, offset = 0;
-  const Key<Cost>* right = nullptr;  ///< least key at column of the left pixel plus lane, chunk by chunk
-  std::size_t right_stride = 0;
-  Key<Cost>* sums = nullptr;    ///< scratch, `width` values
-  Key<Cost>* places = nullptr;  ///< scratch, `width` values
-  std::int16_t* index = nullptr;
-};
-void PickRight(const RightRow<std::uint8_t>& row);
-void PickRight(const RightRow<std::uint16_t>& row);
 
 /// Looks at the processor once; before it, every call above would.
 void ChooseInstructionSet();

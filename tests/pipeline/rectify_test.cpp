@@ -222,8 +222,8 @@ TEST(RectifyPair, SaturatedAreasAreUnusableAndSingleFullPixelsAreNot) {
   left(cv::Rect(10, 10, 20, 20)).setTo(255);
   left.at<std::uint8_t>(24, 50) = 255;
   const RectifiedPair out = RectifyPair(PairOf(left, Grey(CV_8UC1, 100)), ComputeRectification(Ideal()));
-  EXPECT_EQ(out.left_usable.at<std::uint8_t>(20, 20), 0);
-  EXPECT_EQ(out.left_usable.at<std::uint8_t>(24, 50), 255);
+  EXPECT_EQ(out.usable.left.at<std::uint8_t>(20, 20), 0);
+  EXPECT_EQ(out.usable.left.at<std::uint8_t>(24, 50), 255);
   EXPECT_DOUBLE_EQ(out.saturated_fraction, 401.0 / (64 * 48));
 }
 

@@ -49,6 +49,15 @@ CensusImage Moved(const CensusImage& left, int shift, unsigned seed, int bits = 
   return right;
 }
 
+/// Whether a pixel searches disparity index d.
+bool Searches(const AggregateOptions& options, int x, int y, int d) {
+  if (options.tiles == nullptr) return true;
+  const int first = options.tiles->first.at<int>(y / DisparityTiles::kTile_px, x / DisparityTiles::kTile_px);
+  return d >= first && d < first + options.tiles->count;
+}
+
+constexpr int kWithoutLimit = 1 << 24;  // cost of a disparity that is not searched
+
 /// S(p, d) = Σ_r L_r(p, d) by the recursion of METHOD §3, [pixel][d], eight directions, one after the other.
 std::vector<std::vector<int>> SumsByDefinition(const CensusImage& left, const CensusImage& right, DisparityRange range,
                                                const AggregateOptions& options) {
@@ -67,7 +76,7 @@ std::vector<std::vector<int>> SumsByDefinition(const CensusImage& left, const Ce
         const int px = x - dx, py = y - dy;
         auto& here = path[static_cast<std::size_t>(y) * width + x];
         const bool begins = px < 0 || px >= width || py < 0 || py >= height;
-        for (int d = 0; d < range.count; ++d) here[d] = cost(x, y, d);
+        for (int d = 0; d < range.count; ++d) here[d] = Searches(options, x, y, d) ? cost(x, y, d) : kWithoutLimit;
         if (!begins) {
           const auto& before = path[static_cast<std::size_t>(py) * width + px];
           const int least = *std::min_element(before.begin(), before.end());
@@ -75,13 +84,17 @@ std::vector<std::vector<int>> SumsByDefinition(const CensusImage& left, const Ce
           if (options.guide != nullptr) {
             const double gradient =
                 std::abs(options.guide->at<float>(y, x) - options.guide->at<float>(py, px)) * options.guide_scale;
-            // a gradient below one grey level is no edge
-            p2 = std::max(options.p1 + 1, static_cast<int>(options.p2 / std::max(1.0, gradient)));
+            // a gradient below 20 grey levels is no edge
+            p2 = std::max(options.p1 + 1, static_cast<int>(20.0 * options.p2 / std::max(20.0, gradient)));
           }
           for (int d = 0; d < range.count; ++d) {
+            if (!Searches(options, x, y, d)) continue;
             int best = std::min(before[d], least + p2);
-            if (d > 0) best = std::min(best, before[d - 1] + options.p1);
-            if (d + 1 < range.count) best = std::min(best, before[d + 1] + options.p1);
+            // a path steps by one only between disparities that the pixel itself searches
+            for (const int side : {d - 1, d + 1}) {
+              if (side < 0 || side >= range.count || !Searches(options, x, y, side)) continue;
+              best = std::min(best, before[side] + options.p1);
+            }
             here[d] += best - least;
           }
         }
@@ -103,14 +116,15 @@ Winners WinnersByDefinition(const CensusImage& left, const CensusImage& right, D
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const auto seen = [&](int d) {
-        return d >= 0 && d < range.count && x - range.min_px - d >= 0 && x - range.min_px - d < width;
+        return d >= 0 && d < range.count && x - range.min_px - d >= 0 && x - range.min_px - d < width &&
+               Searches(options, x, y, d);
       };
       const auto& sum = sums[static_cast<std::size_t>(y) * width + x];
       int best = -1, best_right = -1, least_right = 0;
       for (int d = 0; d < range.count; ++d) {
         if (seen(d) && (best < 0 || sum[d] < sum[best])) best = d;
         const int source = x + range.min_px + d;  // the left pixel that the right pixel x belongs to
-        if (source < 0 || source >= width) continue;
+        if (source < 0 || source >= width || !Searches(options, source, y, d)) continue;
         const int value = sums[static_cast<std::size_t>(y) * width + source][d];
         if (best_right < 0 || value < least_right) {
           best_right = d;
@@ -211,6 +225,55 @@ TEST(FindWinners, FuzzedSizesEqualTheDefinition) {
   }
 }
 
+TEST(FindWinners, TilesEqualTheDefinition) {
+  std::mt19937 random(13);
+  const auto draw = [&](int low, int high) { return low + static_cast<int>(random() % (high - low + 1)); };
+  for (int i = 0; i < 24; ++i) {
+    const Case c{{draw(1, 170), draw(1, 80)}, {draw(-40, 20), draw(64, 300)}, 10, i % 3 == 0 ? 100 : 60};
+    SCOPED_TRACE(testing::PrintToString(c));
+    DisparityTiles tiles;
+    tiles.count = 64 * draw(1, c.range.count / 64);
+    tiles.first.create((c.size.height + 31) / 32, (c.size.width + 31) / 32, CV_32SC1);
+    // Now and then the same as elsewhere, now and then without anything in common with it.
+    const int usual = draw(0, c.range.count - tiles.count);
+    for (auto it = tiles.first.begin<int>(); it != tiles.first.end<int>(); ++it) {
+      *it = draw(0, 2) == 0 ? usual : draw(0, c.range.count - tiles.count);
+    }
+    AggregateOptions options = OptionsOf(c);
+    options.tiles = &tiles;
+    options.sums_budget = draw(0, 1) == 0 ? 20 * c.size.width * tiles.count : options.sums_budget;
+    const CensusImage left = RandomCensus(c.size, i);
+    ExpectDefinition(left, Moved(left, c.range.min_px + usual + 20, i + 100), c.range, options);
+  }
+}
+
+TEST(FindWinners, TilesThatSearchEverythingChangeNothing) {
+  const CensusImage left = RandomCensus({100, 70}, 8);
+  const CensusImage right = Moved(left, 20, 9);
+  DisparityTiles tiles{128, cv::Mat(3, 4, CV_32SC1, cv::Scalar(0))};
+  AggregateOptions options;
+  options.tiles = &tiles;
+  ExpectEqual(Find(left, right, {-3, 128}, options), Find(left, right, {-3, 128}, {}));
+}
+
+TEST(FindWinners, RefusesTilesThatDoNotFit) {
+  const CensusImage a = RandomCensus({40, 20}, 1);
+  const auto with = [&](int count, cv::Mat first) {
+    const DisparityTiles tiles{count, first};
+    AggregateOptions options;
+    options.tiles = &tiles;
+    return Find(a, a, {0, 100}, options);
+  };
+  EXPECT_NO_THROW(static_cast<void>(with(64, cv::Mat(1, 2, CV_32SC1, cv::Scalar(36)))));
+  EXPECT_THROW(static_cast<void>(with(64, cv::Mat(1, 2, CV_32SC1, cv::Scalar(37)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(64, cv::Mat(1, 2, CV_32SC1, cv::Scalar(-1)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(64, cv::Mat(2, 2, CV_32SC1, cv::Scalar(0)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(64, cv::Mat(1, 1, CV_32SC1, cv::Scalar(0)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(65, cv::Mat(1, 2, CV_32SC1, cv::Scalar(0)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(64, cv::Mat(1, 2, CV_8UC1, cv::Scalar(0)))), std::invalid_argument);
+  EXPECT_THROW(static_cast<void>(with(64, {})), std::invalid_argument);
+}
+
 TEST(FindWinners, AdaptivePenaltyEqualsTheDefinition) {
   const CensusImage left = RandomCensus({41, 27}, 3);
   const CensusImage right = Moved(left, 9, 4);
@@ -222,7 +285,7 @@ TEST(FindWinners, AdaptivePenaltyEqualsTheDefinition) {
   for (const int p2 : {60, 400}) {
     AggregateOptions options = OptionsOf({{}, {}, 10, p2});
     options.guide = &guide;
-    options.guide_scale = 0.01;
+    options.guide_scale = 0.1;
     ExpectDefinition(left, right, {2, 37}, options);
   }
 }

@@ -149,7 +149,7 @@ TEST(MatchStereo, PixelsOutsideTheMaskAreInvalid) {
   const StereoPair pair = RenderPlane(kSize, kSlanted, 2, 1);
   cv::Mat mask(kSize, CV_8UC1, cv::Scalar(255));
   mask(cv::Rect(100, 50, 40, 40)).setTo(0);
-  const StereoResult result = MatchStereo(pair.left, pair.right, kRange, {}, mask);
+  const StereoResult result = MatchStereo(pair.left, pair.right, kRange, {}, {mask, {}});
   EXPECT_EQ(cv::countNonZero(result.disparity_px(cv::Rect(100, 50, 40, 40)) < 1e6), 0);
   EXPECT_GT(cv::countNonZero(result.disparity_px < 1e6), 0.7 * (kSize.area() - 1600));
 }
