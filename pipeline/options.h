@@ -18,7 +18,7 @@ struct StereoOptions {
   int left_right_px = 1;      ///< largest disagreement of the left–right check
   double uniqueness = 0.01;   ///< second-best sum must exceed the best by this share
   int speckle_area_px = 60;   ///< connected disparity blobs smaller than this are removed; 0 keeps all
-  int refine_radius_px = 5;   ///< half window of the least-squares refinement; 0 switches it off
+  int refine_radius_px = 6;   ///< half window of the least-squares refinement; 0 switches it off
   int max_disparities = 256;  ///< most disparities searched; limits how near to the cameras grain is seen
 };
 

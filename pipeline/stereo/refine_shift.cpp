@@ -24,7 +24,7 @@ using D = hn::CappedTag<float, kRefineLanes>;
 using V = hn::Vec<D>;
 
 constexpr float kFinite = 1e30f;
-constexpr float kStep_px = 0.7f;  // between neighbours: steeper surfaces are not seen by both cameras in any detail
+constexpr float kStep_px = 1.0f;  // between neighbours: steeper surfaces are not seen by both cameras in any detail
 
 HWY_INLINE V Times(float a, V b) { return hn::Mul(hn::Set(D(), a), b); }
 
@@ -142,7 +142,7 @@ void SolveRowImpl(float* const columns[kMatchSums], float* const quads[kMatchSum
                   float gain_scale, int radius, int width, const ShiftRow& shift, float* scores) {
   const D d;
   const float side = static_cast<float>(2 * radius + 1);
-  const auto least_n = hn::Set(d, std::max(0.3f * side * side, 5.0f)), one = hn::Set(d, 1.0f), zero = hn::Zero(d);
+  const auto least_n = hn::Set(d, std::max(0.2f * side * side, 5.0f)), one = hn::Set(d, 1.0f), zero = hn::Zero(d);
   const auto nan = hn::Set(d, std::numeric_limits<float>::quiet_NaN());
   const auto least_gain = hn::Set(d, 0.2f * gain_scale), most_gain = hn::Set(d, 5 * gain_scale);
   for (int x = 0; x < width; x += static_cast<int>(hn::Lanes(d))) {
