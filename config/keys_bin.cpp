@@ -83,6 +83,9 @@ const Section<StereoOptions>& StereoSection() {
        Value<T>("uniqueness", &T::uniqueness, "", "Share by which the second-best match must be worse than the best."),
        Value<T>("speckle_area_px", &T::speckle_area_px, "px",
                 "Connected patches of disparity smaller than this are removed. 0 keeps all."),
+       Value<T>(
+           "coarse_to_fine", &T::coarse_to_fine, "",
+           "Searches near what pictures of half the size show: faster with many disparities, may miss thin things."),
        Value<T>("max_disparities", &T::max_disparities, "px",
                 "Most disparities searched; limits how near to the cameras grain is seen."),
        Value<T>("refine_radius_px", &T::refine_radius_px, "px",

@@ -9,16 +9,18 @@ namespace granary {
 
 /// Census + semi-global matching (METHOD §3).
 struct StereoOptions {
-  int census_width = 9;       ///< odd, 3…9
-  int census_height = 7;      ///< odd, 3…7
-  int p1 = 10;                ///< penalty for a disparity step of one, in census bits
-  int p2 = 60;                ///< penalty for a larger step; more than p1
-  bool adaptive_p2 = false;   ///< the paper's P2' / |grey gradient|, P2' = 20·p2, no more than p2; worse on speckle
-  int median_px = 0;          ///< window of the median over either picture's winners: 0 (none), 3 or 5
-  int left_right_px = 1;      ///< largest disagreement of the left–right check
-  double uniqueness = 0.01;   ///< second-best sum must exceed the best by this share
-  int speckle_area_px = 60;   ///< connected disparity blobs smaller than this are removed; 0 keeps all
-  int refine_radius_px = 6;   ///< half window of the least-squares refinement; 0 switches it off
+  int census_width = 9;      ///< odd, 3…9
+  int census_height = 7;     ///< odd, 3…7
+  int p1 = 10;               ///< penalty for a disparity step of one, in census bits
+  int p2 = 60;               ///< penalty for a larger step; more than p1
+  bool adaptive_p2 = false;  ///< the paper's P2' / |grey gradient|, P2' = 20·p2, no more than p2; worse on speckle
+  int median_px = 0;         ///< window of the median over either picture's winners: 0 (none), 3 or 5
+  int left_right_px = 1;     ///< largest disagreement of the left–right check
+  double uniqueness = 0.01;  ///< second-best sum must exceed the best by this share
+  int speckle_area_px = 60;  ///< connected disparity blobs smaller than this are removed; 0 keeps all
+  int refine_radius_px = 6;  ///< half window of the least-squares refinement; 0 switches it off
+  /// Search near what pictures of half the size show; saves time and memory on large pictures with many disparities.
+  bool coarse_to_fine = false;
   int max_disparities = 256;  ///< most disparities searched; limits how near to the cameras grain is seen
 };
 

@@ -1,27 +1,21 @@
-// The order of METHOD §3 on one page: census, sums, winners, left–right check, uniqueness, blobs, refinement.
+// Checks what it is given, then searches and refines.
 #include "pipeline/stereo/match.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include <opencv2/core.hpp>
 
-#include <opencv2/calib3d.hpp>
-#include <opencv2/imgproc.hpp>
-
-#include "pipeline/stereo/census.h"
+#include "pipeline/stereo/coarse.h"
 #include "pipeline/stereo/refine.h"
 
 namespace granary {
 
 namespace {
 
-constexpr float kInvalid = std::numeric_limits<float>::infinity();
+constexpr double kUnrefinedDeviation_px = 0.3;  // census + SGM + equiangular, see docs/method.md
 
 void ToFloat(const cv::Mat& grey, const char* side, cv::Mat& out) {
   if (grey.empty()) throw std::invalid_argument(std::string("matching: the ") + side + " picture is empty");
@@ -32,60 +26,6 @@ void ToFloat(const cv::Mat& grey, const char* side, cv::Mat& out) {
   grey.convertTo(out, CV_32FC1);
 }
 
-// Disparities of either picture by its own winners, the left one's with its fraction; kNone where there is none.
-constexpr float kNone = -1e6f;
-
-template <typename Body>
-void ForEachRow(int rows, Body body) {
-  tbb::parallel_for(tbb::blocked_range<int>(0, rows, 16), [&](const tbb::blocked_range<int>& range) {
-    for (int y = range.begin(); y < range.end(); ++y) body(y);
-  });
-}
-
-void OwnDisparities(const Winners& winners, DisparityRange range, cv::Mat& left, cv::Mat& right) {
-  const cv::Size size = winners.left_index.size();
-  left.create(size, CV_32FC1);
-  right.create(size, CV_32FC1);
-  ForEachRow(size.height, [&](int y) {
-    const std::int16_t* left_index = winners.left_index.ptr<std::int16_t>(y);
-    const std::int16_t* right_index = winners.right_index.ptr<std::int16_t>(y);
-    const float* offset = winners.subpixel.ptr<float>(y);
-    const std::uint8_t* unique = winners.unique.ptr<std::uint8_t>(y);
-    float* left_out = left.ptr<float>(y);
-    float* right_out = right.ptr<float>(y);
-    const float first = static_cast<float>(range.min_px);
-    for (int x = 0; x < size.width; ++x) {
-      const float value = first + static_cast<float>(left_index[x]) + offset[x];
-      left_out[x] = left_index[x] >= 0 && unique[x] != 0 ? value : kNone;
-      right_out[x] = right_index[x] >= 0 ? first + static_cast<float>(right_index[x]) : kNone;
-    }
-  });
-}
-
-// A left disparity is kept when the right picture's own at its partner points back to it; a fractional disparity has a
-// partner on either side.
-cv::Mat CheckedDisparity(const cv::Mat& left, const cv::Mat& right, int tolerance_px) {
-  cv::Mat disparity(left.size(), CV_32FC1);
-  const float limit = static_cast<float>(tolerance_px);
-  ForEachRow(left.rows, [&](int y) {
-    const float* left_row = left.ptr<float>(y);
-    const float* right_row = right.ptr<float>(y);
-    float* out = disparity.ptr<float>(y);
-    for (int x = 0; x < left.cols; ++x) {
-      out[x] = kInvalid;
-      const float d = left_row[x];
-      if (d == kNone) continue;
-      const float whole = std::floor(d + 0.5f);
-      const int partner = std::clamp(x - static_cast<int>(whole), 0, left.cols - 1);
-      const int between = std::clamp(partner + (d > whole ? -1 : 1), 0, left.cols - 1);
-      const bool agrees =
-          std::abs(right_row[partner] - whole) <= limit || std::abs(right_row[between] - whole) <= limit;
-      if (agrees) out[x] = d;
-    }
-  });
-  return disparity;
-}
-
 // The mask given, without the areas of a whole-number picture where the sensor was full; empty when all is usable.
 cv::Mat WithoutSaturated(const cv::Mat& picture, const cv::Mat& usable) {
   if (picture.depth() == CV_32F) return usable;
@@ -93,41 +33,6 @@ cv::Mat WithoutSaturated(const cv::Mat& picture, const cv::Mat& usable) {
   if (cv::countNonZero(full) == 0) return usable;
   const cv::Mat unsaturated = ~SaturatedAreas(full);
   return usable.empty() ? unsaturated : cv::Mat(unsaturated & usable);
-}
-
-// Invalid where the pixel or its partner is not to be believed.
-void KeepUsable(cv::Mat& disparity, const cv::Mat& left_usable, const cv::Mat& right_usable) {
-  if (left_usable.empty() && right_usable.empty()) return;
-  ForEachRow(disparity.rows, [&](int y) {
-    const std::uint8_t* left = left_usable.empty() ? nullptr : left_usable.ptr<std::uint8_t>(y);
-    const std::uint8_t* right = right_usable.empty() ? nullptr : right_usable.ptr<std::uint8_t>(y);
-    float* d = disparity.ptr<float>(y);
-    for (int x = 0; x < disparity.cols; ++x) {
-      if (!std::isfinite(d[x])) continue;
-      const int partner = std::clamp(x - static_cast<int>(std::lround(d[x])), 0, disparity.cols - 1);
-      if ((left != nullptr && left[x] == 0) || (right != nullptr && right[partner] == 0)) d[x] = kInvalid;
-    }
-  });
-}
-
-// Blobs whose disparities hang together to one pixel and that are smaller than `area_px` are mismatches.
-void RemoveBlobs(cv::Mat& disparity, DisparityRange range, int area_px) {
-  if (area_px <= 0) return;
-  constexpr int kSteps = 16;
-  if (range.count * kSteps > std::numeric_limits<std::int16_t>::max()) {
-    throw std::invalid_argument("matching: a range of more than 2047 disparities is not served");
-  }
-  constexpr std::int16_t kBlank = -kSteps;
-  cv::Mat fixed(disparity.size(), CV_16SC1);
-  for (int y = 0; y < disparity.rows; ++y) {
-    for (int x = 0; x < disparity.cols; ++x) {
-      const float d = disparity.at<float>(y, x);
-      fixed.at<std::int16_t>(y, x) =
-          std::isfinite(d) ? static_cast<std::int16_t>(std::lround(std::max(0.0f, d - range.min_px) * kSteps)) : kBlank;
-    }
-  }
-  cv::filterSpeckles(fixed, kBlank, area_px, kSteps);
-  disparity.setTo(kInvalid, fixed == kBlank);
 }
 
 }  // namespace
@@ -149,40 +54,22 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
   }
   MatchBuffers own;
   MatchBuffers& memory = buffers == nullptr ? own : *buffers;
-  ToFloat(left, "left", memory.left_grey);
-  ToFloat(right, "right", memory.right_grey);
-  const cv::Mat &left_grey = memory.left_grey, &right_grey = memory.right_grey;
-  AggregateOptions aggregate;
-  aggregate.p1 = options.p1;
-  aggregate.p2 = options.p2;
-  aggregate.census_bits = CensusBits(options.census_width, options.census_height);
-  aggregate.uniqueness = options.uniqueness;
-  if (options.adaptive_p2) {
-    aggregate.guide = &left_grey;
-    aggregate.guide_scale = left.type() == CV_16UC1 ? 1.0 / 257 : 1.0;
-  }
-  CensusTransform(left_grey, options.census_width, options.census_height, memory.left_census);
-  CensusTransform(right_grey, options.census_width, options.census_height, memory.right_census);
-  FindWinners(memory.left_census, memory.right_census, range, aggregate, memory.aggregate, memory.winners);
-  OwnDisparities(memory.winners, range, memory.left_disparity, memory.right_disparity);
-  if (options.median_px > 0) {
-    for (cv::Mat* disparity : {&memory.left_disparity, &memory.right_disparity}) {
-      cv::medianBlur(*disparity, memory.filtered, options.median_px);
-      cv::swap(*disparity, memory.filtered);
-    }
-  }
-  cv::Mat disparity = CheckedDisparity(memory.left_disparity, memory.right_disparity, options.left_right_px);
-  disparity.setTo(kInvalid, WithoutTexture(left_grey, options.census_width, options.census_height));
-  const cv::Mat left_usable = WithoutSaturated(left, usable.left), right_usable = WithoutSaturated(right, usable.right);
-  KeepUsable(disparity, left_usable, right_usable);
-  RemoveBlobs(disparity, range, options.speckle_area_px);
+  GreyPair& pair = memory.pair;
+  ToFloat(left, "left", pair.left);
+  ToFloat(right, "right", pair.right);
+  pair.usable = {WithoutSaturated(left, usable.left), WithoutSaturated(right, usable.right)};
+  pair.levels_of_255 = left.type() == CV_16UC1 ? 1.0 / 257 : 1.0;
+
+  std::optional<DisparityTiles> tiles;
+  if (options.coarse_to_fine) tiles = ProposeTiles(pair, range, options);
+  const cv::Mat disparity = SearchDisparity(pair, range, options, tiles ? &*tiles : nullptr, memory.search);
   if (options.refine_radius_px == 0) {
-    cv::Mat deviation(disparity.size(), CV_32FC1, cv::Scalar(0.3));
-    deviation.setTo(std::numeric_limits<float>::quiet_NaN(), disparity == kInvalid);
+    cv::Mat deviation(disparity.size(), CV_32FC1, cv::Scalar(kUnrefinedDeviation_px));
+    deviation.setTo(std::numeric_limits<float>::quiet_NaN(), disparity == std::numeric_limits<float>::infinity());
     return {disparity, deviation};
   }
-  const Refined refined = RefineDisparity(left_grey, right_grey, disparity, {.radius_px = options.refine_radius_px},
-                                          left_usable, right_usable);
+  const Refined refined = RefineDisparity(pair.left, pair.right, disparity, {.radius_px = options.refine_radius_px},
+                                          pair.usable.left, pair.usable.right);
   return {refined.disparity_px, refined.deviation_px};
 }
 

@@ -4,9 +4,7 @@
 #include <opencv2/core/mat.hpp>
 
 #include "pipeline/options.h"
-#include "pipeline/stereo/aggregate.h"
-#include "pipeline/stereo/census.h"
-#include "pipeline/stereo/usable.h"
+#include "pipeline/stereo/search.h"
 
 namespace granary {
 
@@ -17,10 +15,8 @@ struct StereoResult {
 
 /// Memory for pictures of one size, kept from one call to the next by whoever calls often.
 struct MatchBuffers {
-  CensusImage left_census, right_census;
-  AggregateBuffers aggregate;
-  Winners winners;
-  cv::Mat left_grey, right_grey, left_disparity, right_disparity, filtered;
+  GreyPair pair;
+  SearchBuffers search;
 };
 
 /// Disparity of every left pixel, `x_right = x_left − disparity`.
