@@ -1,6 +1,7 @@
 // Checks what it is given, then searches and refines.
 #include "pipeline/stereo/match.h"
 
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -16,14 +17,40 @@ namespace granary {
 namespace {
 
 constexpr double kUnrefinedDeviation_px = 0.3;  // census + SGM + equiangular, see docs/method.md
+constexpr int kMostDisparities = 2047;          // blobs are found in sixteenths of a pixel, 16 bits
 
-void ToFloat(const cv::Mat& grey, const char* side, cv::Mat& out) {
-  if (grey.empty()) throw std::invalid_argument(std::string("matching: the ") + side + " picture is empty");
+void CheckPicture(const cv::Mat& grey, const char* side) {
+  const std::string name = std::string("matching: the ") + side + " picture ";
+  if (grey.empty()) throw std::invalid_argument(name + "is empty");
   if (grey.type() != CV_8UC1 && grey.type() != CV_16UC1 && grey.type() != CV_32FC1) {
-    throw std::invalid_argument(std::string("matching: the ") + side +
-                                " picture must have one channel of 8 or 16 bits, or float");
+    throw std::invalid_argument(name + "must have one channel of 8 or 16 bits, or float");
   }
-  grey.convertTo(out, CV_32FC1);
+  if (grey.type() == CV_32FC1 && !cv::checkRange(grey)) {
+    throw std::invalid_argument(name + "must be finite; pixels without a grey level belong in a mask");
+  }
+}
+
+void CheckInput(const cv::Mat& left, const cv::Mat& right, DisparityRange range, const StereoOptions& options,
+                const UsablePixels& usable) {
+  if (left.size() != right.size()) throw std::invalid_argument("matching: the pictures differ in size");
+  if (left.type() != right.type()) throw std::invalid_argument("matching: the pictures differ in depth or channels");
+  CheckPicture(left, "left");
+  CheckPicture(right, "right");
+  for (const cv::Mat* mask : {&usable.left, &usable.right}) {
+    if (!mask->empty() && (mask->size() != left.size() || mask->type() != CV_8UC1)) {
+      throw std::invalid_argument("matching: a mask of usable pixels must be CV_8UC1 and have the pictures' size");
+    }
+  }
+  if (range.count < 1 || range.count > kMostDisparities) {
+    throw std::invalid_argument("matching: the number of disparities must be 1 to " + std::to_string(kMostDisparities) +
+                                ", not " + std::to_string(range.count));
+  }
+  const std::int64_t first = range.min_px, last = first + range.count - 1;
+  if (first >= left.cols || last <= -left.cols) {
+    throw std::invalid_argument("matching: disparities " + std::to_string(first) + " to " + std::to_string(last) +
+                                " leave no overlap in a picture " + std::to_string(left.cols) + " px wide");
+  }
+  if (const auto faults = Faults(options); !faults.empty()) throw std::invalid_argument("matching: " + faults.front());
 }
 
 // The mask given, without the areas of a whole-number picture where the sensor was full; empty when all is usable.
@@ -39,24 +66,12 @@ cv::Mat WithoutSaturated(const cv::Mat& picture, const cv::Mat& usable) {
 
 StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range, const StereoOptions& options,
                          const UsablePixels& usable, MatchBuffers* buffers) {
-  if (left.size() != right.size()) throw std::invalid_argument("matching: the pictures differ in size");
-  if (left.type() != right.type()) throw std::invalid_argument("matching: the pictures differ in depth or channels");
-  for (const cv::Mat* mask : {&usable.left, &usable.right}) {
-    if (!mask->empty() && (mask->size() != left.size() || mask->type() != CV_8UC1)) {
-      throw std::invalid_argument("matching: a mask of usable pixels must be CV_8UC1 and have the pictures' size");
-    }
-  }
-  if (range.count < 1) throw std::invalid_argument("matching: the number of disparities must be at least 1");
-  if (range.min_px >= left.cols || range.min_px + range.count <= -left.cols) {
-    throw std::invalid_argument("matching: disparities " + std::to_string(range.min_px) + " to " +
-                                std::to_string(range.min_px + range.count - 1) + " leave no overlap in a picture " +
-                                std::to_string(left.cols) + " px wide");
-  }
+  CheckInput(left, right, range, options, usable);
   MatchBuffers own;
   MatchBuffers& memory = buffers == nullptr ? own : *buffers;
   GreyPair& pair = memory.pair;
-  ToFloat(left, "left", pair.left);
-  ToFloat(right, "right", pair.right);
+  left.convertTo(pair.left, CV_32FC1);
+  right.convertTo(pair.right, CV_32FC1);
   pair.usable = {WithoutSaturated(left, usable.left), WithoutSaturated(right, usable.right)};
   pair.levels_of_255 = left.type() == CV_16UC1 ? 1.0 / 257 : 1.0;
 

@@ -21,14 +21,14 @@ struct MatchBuffers {
 
 /// Disparity of every left pixel, `x_right = x_left − disparity`.
 ///
-/// @param left, right rectified grey, one size, 8- or 16-bit or CV_32FC1
-/// @param range disparities searched
+/// @param left, right rectified grey, one size, 8- or 16-bit or CV_32FC1 and finite
+/// @param range disparities searched, at most 2047
 /// @param usable a pixel whose mask is 0, or whose partner's is, is invalid in the result; saturated areas of 8- and
 ///   16-bit pictures are so without a mask
 /// @param buffers memory to use again; null allocates and gives it back
-/// @throws std::invalid_argument for pictures of different size, type or more than one channel, masks that do not fit,
-/// an empty range, or a
-///   range that leaves no overlap
+/// @throws std::invalid_argument for pictures of different size or type, of more than one channel or with grey levels
+///   that are not finite, masks that do not fit, a range of none or more than 2047 disparities or without overlap, and
+///   options with faults
 [[nodiscard]] StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range,
                                        const StereoOptions& options, const UsablePixels& usable = {},
                                        MatchBuffers* buffers = nullptr);
