@@ -27,6 +27,7 @@ namespace granary {
 namespace {
 
 constexpr float kUnrefinedDeviation_px = 0.3f;  // census + SGM + equiangular, see docs/method.md
+constexpr float kLeastDeviation_px = 0.001f;    // of exact copies: what the spline and sums of floats leave
 constexpr float kMaxLastShift_px = 0.5f;        // more in the last pass: the passes do not converge
 constexpr int kBandRows = 128;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -153,7 +154,7 @@ Refined RefineDisparity(const cv::Mat& left, const cv::Mat& right, const cv::Mat
     for (int y = y0; y < y1; ++y) {
       float* deviation = deviation_px.ptr<float>(y);
       for (int x = 0; x < width; ++x) {
-        deviation[x] *= deviation[x] == kUnrefinedDeviation_px ? 1.0f : factor;
+        if (deviation[x] != kUnrefinedDeviation_px) deviation[x] = std::max(deviation[x] * factor, kLeastDeviation_px);
       }
     }
   });

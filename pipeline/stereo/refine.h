@@ -29,7 +29,7 @@ struct Refined {
 ///
 /// The deviation covers noise, also noise that a rectification has smeared over neighbours: it is scaled by how much
 /// neighbouring residuals of this picture go together. It does not cover what all pixels share (calibration), relief
-/// finer than the window, nor the bias of the interpolation, up to 0.002 px.
+/// finer than the window, nor the bias of the interpolation, up to 0.002 px. It is never below 0.001 px.
 /// @param left, right rectified grey, H×W, CV_32FC1
 /// @param disparity_px CV_32FC1, +inf invalid
 /// @param left_usable, right_usable CV_8UC1 or empty; where 0 (saturated, black, outside) the grey value says nothing
