@@ -137,8 +137,9 @@ class Aggregation {
     CostRow row;
     Cost row_least = 0;
     Cost* kept = nullptr;
-    int segment = 0, x = 0;    // counted in columns
-    int begin = 0, count = 0;  // pixels of the segment in the order of the sweep
+    int segment = 0, x = 0;      // counted in columns
+    int begin = 0, count = 0;    // pixels of the segment in the order of the sweep
+    int row_place[kPaths] = {};  // of the row's first pixel
     int first_lane = 0;
     bool moves = false;  // whether neighbours of the segment have other lanes
   };
@@ -308,6 +309,7 @@ void Aggregation<Cost>::BeginRow(const Stretch& stretch, int j, Scratch& scratch
     Penalties(options_, way, j, 1, -1, scratch.p2[2]);
     Penalties(options_, way, j, 0, 1, scratch.p2[3]);
   }
+  for (int k = 0; k < kPaths; ++k) scratch.row_place[k] = sweep.slots.Place(k, 0, j);
   // Paths that come in from the side.
   sweep.slots.Clear(1, sweep.slots.Place(1, 0, j));
   sweep.slots.Clear(2, sweep.slots.Place(2, way.width - 1, j));
@@ -442,7 +444,8 @@ PathRun<Cost> Aggregation<Cost>::FirstRun(const Stretch& stretch, Scratch& scrat
   run.row_least = &scratch.row_least;
   run.count = scratch.count - at;
   for (int k = 0; k < kPaths; ++k) {
-    const int place = sweep.slots.Place(k, scratch.begin + at, scratch.j);
+    const int beyond = scratch.row_place[k] + scratch.begin + at;
+    const int place = beyond < sweep.slots.ring ? beyond : beyond - sweep.slots.ring;
     run.count = std::min(run.count, sweep.slots.ring - place);
     run.paths[k] = sweep.slots.Path(k) + static_cast<std::size_t>(place) * stride_;
     run.least[k] = sweep.slots.Least(k) + place;

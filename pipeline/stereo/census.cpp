@@ -3,7 +3,6 @@
 #include "pipeline/stereo/census.h"
 
 #include <algorithm>
-#include <cstring>
 #include <stdexcept>
 #include <vector>
 
@@ -11,6 +10,24 @@
 #include <tbb/parallel_for.h>
 
 #include "pipeline/stereo/path_kernels.h"
+
+#ifndef GRANARY_CENSUS_WINDOW
+#define GRANARY_CENSUS_WINDOW
+namespace granary {
+
+// A pixel's neighbours in the order of their bits, for the pixels of one row.
+struct CensusNeighbour {
+  const float* row;
+  int dx;
+};
+struct CensusWindow {
+  const float* centre = nullptr;
+  std::vector<CensusNeighbour> neighbours;
+  int width = 0;
+};
+
+}  // namespace granary
+#endif
 
 // Without HWY_WANT_AVX3_DL: Highway 1.0.3 truncates 32 bits to 8 wrongly there.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
@@ -24,33 +41,53 @@ namespace granary {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Bytes of `width` pixels. `neighbours` has one pointer a bit, to what is compared with the first pixel; all rows may
-// be read up to a vector past their end, `out` is written up to `width`.
-void CensusRow(const float* centre, const float* const* neighbours, int bits, int width, std::uint8_t* out) {
+// One byte of the pixels x0 … x1 − 1: kBits neighbours of each, from `first` on.
+template <int kBits>
+void CompareRun(const CensusWindow& window, int first, int x0, int x1, std::uint8_t* out) {
   const hn::ScalableTag<float> df;
   const hn::RebindToUnsigned<decltype(df)> du;
   const hn::Rebind<std::uint8_t, decltype(df)> d8;
   const int lanes = static_cast<int>(hn::Lanes(df));
-  HWY_ALIGN std::uint8_t rest[HWY_MAX_BYTES];
-  for (int x = 0; x < width; x += lanes) {
-    const auto here = hn::LoadU(df, centre + x);
-    for (int bit = 0; bit < bits; bit += 8) {
-      auto byte = hn::Zero(du);
-      const int end = std::min(bits, bit + 8);
-      for (int k = bit; k < end; ++k) {
-        const auto brighter = hn::RebindMask(du, hn::Gt(here, hn::LoadU(df, neighbours[k] + x)));
-        byte = hn::Or(byte, hn::IfThenElseZero(brighter, hn::Set(du, 1u << (k - bit))));
-      }
-      std::uint8_t* to = out + static_cast<std::size_t>(bit / 8) * width + x;
-      if (x + lanes <= width) {
-        hn::StoreU(hn::TruncateTo(d8, byte), d8, to);
-      } else {
-        hn::StoreU(hn::TruncateTo(d8, byte), d8, rest);
-        std::memcpy(to, rest, width - x);
-      }
+  const float* neighbours[kBits];
+  for (int k = 0; k < kBits; ++k)
+    neighbours[k] = window.neighbours[first + k].row + x0 + window.neighbours[first + k].dx;
+  const float* centre = window.centre + x0;
+  out += x0;
+  for (int i = 0; i < x1 - x0; i += lanes) {
+    i = std::min(i, x1 - x0 - lanes);  // the last vector overlaps the one before
+    const auto here = hn::LoadU(df, centre + i);
+    auto byte = hn::Zero(du);
+#pragma GCC unroll 8
+    for (int k = 0; k < kBits; ++k) {
+      const auto brighter = hn::Gt(here, hn::LoadU(df, neighbours[k] + i));
+      byte = hn::Or(byte, hn::IfThenElseZero(hn::RebindMask(du, brighter), hn::Set(du, 1u << k)));
+    }
+    hn::StoreU(hn::TruncateTo(d8, byte), d8, out + i);
+  }
+}
+
+// The pixels x0 … x1 − 1, whose windows lie inside the rows; a vector of them at least.
+void CensusRun(const CensusWindow& window, int x0, int x1, std::uint8_t* out) {
+  const int bits = static_cast<int>(window.neighbours.size());
+  for (int bit = 0; bit < bits; bit += 8, out += window.width) {
+    // Windows of an odd number of pixels have an even number of neighbours.
+    switch (std::min(8, bits - bit)) {
+      case 8:
+        CompareRun<8>(window, bit, x0, x1, out);
+        break;
+      case 6:
+        CompareRun<6>(window, bit, x0, x1, out);
+        break;
+      case 4:
+        CompareRun<4>(window, bit, x0, x1, out);
+        break;
+      default:
+        CompareRun<2>(window, bit, x0, x1, out);
     }
   }
 }
+
+int CensusLanes() { return static_cast<int>(hn::Lanes(hn::ScalableTag<float>())); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace granary
@@ -59,17 +96,23 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace granary {
 
-HWY_EXPORT(CensusRow);
+HWY_EXPORT(CensusRun);
+HWY_EXPORT(CensusLanes);
 
 namespace {
 
-constexpr int kRowsPerTask = 32;
-
-// A row of `grey` with `margin` copies of its outer pixels at either end and room to read past them.
-void PadRow(const float* grey, int width, int margin, float* padded) {
-  std::fill(padded, padded + margin, grey[0]);
-  std::copy(grey, grey + width, padded + margin);
-  std::fill(padded + margin + width, padded + 2 * margin + width + kLaneMultiple, grey[width - 1]);
+// One pixel whose window may reach over the ends of the rows.
+void CensusPixel(const CensusWindow& window, int x, std::uint8_t* out) {
+  const int bits = static_cast<int>(window.neighbours.size());
+  for (int bit = 0; bit < bits; bit += 8) {
+    unsigned byte = 0;
+    for (int k = bit; k < std::min(bits, bit + 8); ++k) {
+      const CensusNeighbour& neighbour = window.neighbours[k];
+      const float there = neighbour.row[std::clamp(x + neighbour.dx, 0, window.width - 1)];
+      byte |= static_cast<unsigned>(window.centre[x] > there) << (k - bit);
+    }
+    out[static_cast<std::size_t>(bit / 8) * window.width + x] = static_cast<std::uint8_t>(byte);
+  }
 }
 
 }  // namespace
@@ -84,27 +127,29 @@ void CensusTransform(const cv::Mat& grey, int window_width, int window_height, C
     throw std::invalid_argument("census: the window must be odd and at most 9x7");
   }
   ChooseInstructionSet();
-  const auto census_row = HWY_DYNAMIC_DISPATCH(CensusRow);
+  const auto census_run = HWY_DYNAMIC_DISPATCH(CensusRun);
   const int rx = window_width / 2, ry = window_height / 2;
   const int width = grey.cols, height = grey.rows;
+  // Columns whose windows lie inside the rows, when there are enough of them for a vector.
+  const bool vectors = width - 2 * rx >= HWY_DYNAMIC_DISPATCH(CensusLanes)();
+  const int inside_begin = vectors ? rx : width, inside_end = vectors ? width - rx : width;
   census.Resize(width, height, bits);
-  tbb::parallel_for(0, (height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
-    const int begin = task * kRowsPerTask, end = std::min(height, begin + kRowsPerTask);
-    const std::size_t padded_width = static_cast<std::size_t>(width) + 2 * rx + kLaneMultiple;
-    std::vector<float> padded(padded_width * (end - begin + 2 * ry));
-    for (int y = begin - ry; y < end + ry; ++y) {
-      PadRow(grey.ptr<float>(std::clamp(y, 0, height - 1)), width, rx, padded.data() + (y - begin + ry) * padded_width);
-    }
-    std::vector<const float*> neighbours;
-    for (int y = begin; y < end; ++y) {
-      neighbours.clear();
-      const float* corner = padded.data() + (y - begin) * padded_width;
-      for (int dy = 0; dy < window_height; ++dy) {
-        for (int dx = 0; dx < window_width; ++dx) {
-          if (dx != rx || dy != ry) neighbours.push_back(corner + dy * padded_width + dx);
+  tbb::parallel_for(tbb::blocked_range<int>(0, height, 16), [&](const tbb::blocked_range<int>& rows) {
+    CensusWindow window;
+    window.width = width;
+    for (int y = rows.begin(); y < rows.end(); ++y) {
+      window.centre = grey.ptr<float>(y);
+      window.neighbours.clear();
+      for (int dy = -ry; dy <= ry; ++dy) {
+        const float* row = grey.ptr<float>(std::clamp(y + dy, 0, height - 1));
+        for (int dx = -rx; dx <= rx; ++dx) {
+          if (dx != 0 || dy != 0) window.neighbours.push_back({row, dx});
         }
       }
-      census_row(corner + ry * padded_width + rx, neighbours.data(), bits, width, census.Row(y));
+      std::uint8_t* out = census.Row(y);
+      for (int x = 0; x < inside_begin; ++x) CensusPixel(window, x, out);
+      if (vectors) census_run(window, inside_begin, inside_end, out);
+      for (int x = inside_end; x < width; ++x) CensusPixel(window, x, out);
     }
   });
 }

@@ -134,7 +134,8 @@ cv::Mat SearchDisparity(const GreyPair& pair, DisparityRange range, const Stereo
     }
   }
   cv::Mat disparity = CheckedDisparity(memory.left_disparity, memory.right_disparity, options.left_right_px);
-  disparity.setTo(kInvalid, WithoutTexture(pair.left, options.census_width, options.census_height));
+  const cv::Mat flat = WithoutTexture(pair.left, options.census_width, options.census_height);
+  if (!flat.empty()) disparity.setTo(kInvalid, flat);
   KeepUsable(disparity, pair.usable.left, pair.usable.right);
   RemoveBlobs(disparity, range, options.speckle_area_px);
   return disparity;

@@ -16,8 +16,8 @@ struct UsablePixels {
 [[nodiscard]] cv::Mat SaturatedAreas(const cv::Mat& full);
 
 /// 255 where every pixel of the window around a pixel is the same, saturated or black: there is nothing to compare, and
-/// the paths would carry a neighbour's disparity, or the least one, into it.
-/// @param grey CV_32FC1
+/// the paths would carry a neighbour's disparity, or the least one, into it. Empty where there is no such pixel.
+/// @param grey CV_32FC1, not empty
 [[nodiscard]] cv::Mat WithoutTexture(const cv::Mat& grey, int window_width, int window_height);
 
 }  // namespace granary
