@@ -19,6 +19,7 @@
 #include "daemon/service.h"
 #include "daemon/store.h"
 #include "drivers/rig.h"
+#include "pipeline/large_pages.h"
 
 namespace {
 
@@ -80,6 +81,7 @@ int Serve(const std::filesystem::path& file, std::uint64_t cycles) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  granary::UseLargePagesForPictures();
   CLI::App app("Measures the grain in the configured bins on schedule and serves the figures over Modbus.", "granaryd");
   std::filesystem::path file = "/etc/granaryd/granaryd.toml";
   bool check = false, print = false;

@@ -9,6 +9,15 @@
 
 namespace granary {
 
+/// `bytes` of memory aligned for any vector, for which the kernel is asked to use 2 MB pages when there are that many.
+/// @throws std::bad_alloc
+[[nodiscard]] void* AllocateLarge(std::size_t bytes);
+void FreeLarge(void* memory);
+
+/// From now on the pixels of every new cv::Mat come from AllocateLarge. For main() to call before there are threads: a
+/// cycle makes a hundred pictures anew, and their fresh small pages would take longer than what is done with them.
+void UseLargePagesForPictures();
+
 /// An empty vector with room for `count` elements, for which the kernel is asked to use 2 MB pages.
 /// Only a hint: where the kernel has none to give, the vector is slower to fill and otherwise the same.
 template <typename T>

@@ -12,6 +12,7 @@
 #include <spdlog/spdlog.h>
 
 #include "daemon/ctl/command.h"
+#include "pipeline/large_pages.h"
 
 namespace granary {
 
@@ -83,4 +84,7 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace granary
 
-int main(int argc, char** argv) { return granary::Main(argc, argv); }
+int main(int argc, char** argv) {
+  granary::UseLargePagesForPictures();
+  return granary::Main(argc, argv);
+}

@@ -16,6 +16,7 @@
 #include <tbb/parallel_for.h>
 #include <opencv2/core.hpp>
 
+#include "pipeline/large_pages.h"
 #include "pipeline/stereo/match.h"
 #include "tests/bench/stereo_pairs.h"
 
@@ -82,6 +83,7 @@ class LineReporter : public benchmark::BenchmarkReporter {
 };
 
 void RunCase(const StereoCase& what, int repetitions) {
+  if (what.matcher.starts_with("ours")) UseLargePagesForPictures();  // as our programs do
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, what.threads);
   cv::setNumThreads(what.threads);
   const cv::Mat left = ReadRaw(what.folder + "/left.raw", what.width, what.height);
