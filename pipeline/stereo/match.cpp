@@ -7,8 +7,12 @@
 #include <stdexcept>
 #include <string>
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <opencv2/core.hpp>
 
+#include "pipeline/stereo/agreement.h"
 #include "pipeline/stereo/coarse.h"
 #include "pipeline/stereo/refine.h"
 
@@ -62,6 +66,27 @@ cv::Mat WithoutSaturated(const cv::Mat& picture, const cv::Mat& usable) {
   return usable.empty() ? unsaturated : cv::Mat(unsaturated & usable);
 }
 
+// Paths carry disparities into the dark, where noise then seems to confirm some of them: what the refinement could not
+// settle stays only if the pixel's own census windows agree.
+void DropAccidents(const GreyPair& pair, const StereoOptions& options, Refined& refined) {
+  constexpr double kMatch = 0.5;  // of the contrast, as the refinement asks
+  tbb::parallel_for(tbb::blocked_range<int>(0, pair.left.rows, 16), [&](const tbb::blocked_range<int>& rows) {
+    for (int y = rows.begin(); y < rows.end(); ++y) {
+      float* disparity = refined.disparity_px.ptr<float>(y);
+      float* deviation = refined.deviation_px.ptr<float>(y);
+      for (int x = 0; x < pair.left.cols; ++x) {
+        if (!(deviation[x] >= static_cast<float>(kUnrefinedDeviation_px))) continue;
+        if (ExplainedContrast(pair.left, pair.right, x, y, disparity[x], options.census_width / 2,
+                              options.census_height / 2) >= kMatch) {
+          continue;
+        }
+        disparity[x] = std::numeric_limits<float>::infinity();
+        deviation[x] = std::numeric_limits<float>::quiet_NaN();
+      }
+    }
+  });
+}
+
 }  // namespace
 
 StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRange range, const StereoOptions& options,
@@ -83,8 +108,9 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
     deviation.setTo(std::numeric_limits<float>::quiet_NaN(), disparity == std::numeric_limits<float>::infinity());
     return {disparity, deviation};
   }
-  const Refined refined = RefineDisparity(pair.left, pair.right, disparity, {.radius_px = options.refine_radius_px},
-                                          pair.usable.left, pair.usable.right);
+  Refined refined = RefineDisparity(pair.left, pair.right, disparity, {.radius_px = options.refine_radius_px},
+                                    pair.usable.left, pair.usable.right);
+  DropAccidents(pair, options, refined);
   return {refined.disparity_px, refined.deviation_px};
 }
 

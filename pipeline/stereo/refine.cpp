@@ -3,8 +3,6 @@
 // once, so the cost of a pixel hardly depends on the window.
 #include "pipeline/stereo/refine.h"
 
-#include <sys/mman.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -69,22 +67,6 @@ float NeighbourFactor(const std::vector<std::array<double, 4>>& bands) {
   return static_cast<float>(std::sqrt(std::clamp(along, 0.5, 5.0) * std::clamp(across, 0.5, 3.0)));
 }
 
-// An uninitialised Mat that begins with a large page and for which the kernel is asked to use no others: a
-// fresh small one costs 12 µs a 4 kB in a virtual machine, which over three pictures is a third of the whole time.
-cv::Mat LargeMat(int rows, int cols, int type = CV_32FC1) {
-  constexpr std::uintptr_t kPage = std::uintptr_t{2} << 20;
-  const std::size_t row_bytes = CV_ELEM_SIZE(type) * static_cast<std::size_t>(cols);
-  const int slack = static_cast<int>((2 * kPage + row_bytes - 1) / row_bytes) + 1;
-  const cv::Mat room(rows + slack, cols, type);
-  const auto data = reinterpret_cast<std::uintptr_t>(room.data);
-  const std::uintptr_t begin = (data + kPage - 1) & ~(kPage - 1);
-  const int first = static_cast<int>((begin - data + row_bytes - 1) / row_bytes);
-  const std::uintptr_t end = (begin + row_bytes * (rows + 1) + kPage - 1) & ~(kPage - 1);
-  const std::uintptr_t room_end = (data + row_bytes * (rows + slack)) & ~(kPage - 1);
-  (void)madvise(reinterpret_cast<void*>(begin), std::min(end, room_end) - begin, MADV_HUGEPAGE);
-  return room.rowRange(first, first + rows);
-}
-
 void CheckInput(const cv::Mat& left, const cv::Mat& right, const cv::Mat& disparity_px, const RefineOptions& options,
                 const cv::Mat& left_usable, const cv::Mat& right_usable) {
   if (left.type() != CV_32FC1 || right.type() != CV_32FC1 || disparity_px.type() != CV_32FC1 || left.empty() ||
@@ -116,8 +98,8 @@ Refined RefineDisparity(const cv::Mat& left, const cv::Mat& right, const cv::Mat
   tbb::enumerable_thread_specific<StartBuffers> start_buffers(radius, width);
   tbb::enumerable_thread_specific<ShiftBuffers> shift_buffers(radius, width);
 
-  cv::Mat current = LargeMat(height, RefineWidth(width)), start = LargeMat(height, RefineWidth(width));
-  cv::Mat window = LargeMat(height, width, CV_8UC1);
+  cv::Mat current(height, RefineWidth(width), CV_32FC1), start(height, RefineWidth(width), CV_32FC1);
+  cv::Mat window(height, width, CV_8UC1);
   ForEachBand(height, [&](int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       float* row = current.ptr<float>(y);
@@ -138,7 +120,7 @@ Refined RefineDisparity(const cv::Mat& left, const cv::Mat& right, const cv::Mat
 
   find_starts();
   // The last pass no longer reads what the ones before found, only their planes.
-  cv::Mat refined = current.colRange(0, width), deviation_px = LargeMat(height, width);
+  cv::Mat refined = current.colRange(0, width), deviation_px(height, width, CV_32FC1);
   const RefineLimits limits{static_cast<float>(options.max_shift_px), kMaxLastShift_px, kUnrefinedDeviation_px};
   std::vector<std::array<double, 4>> products((height + kBandRows - 1) / kBandRows);
   ForEachBand(height, [&](int y0, int y1) {

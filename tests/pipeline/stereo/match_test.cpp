@@ -145,6 +145,27 @@ TEST(MatchStereo, ASaturatedPatchIsInvalidOnlyWhereItIs) {
   EXPECT_LT(lost, seen / 100);
 }
 
+// Two dark areas: one with nothing but noise, which paths cross with disparities of their own, and one clipped to
+// black.
+TEST(MatchStereo, DarkAreasAreNotGuessed) {
+  const Speckle speckle(kSize, 1);
+  const cv::Rect dark(130, 80, 80, 70);
+  for (const double grey : {3.0, 0.0}) {
+    const auto light = [&](double x, double y) {
+      const bool inside = x >= dark.x && x < dark.x + dark.width && y >= dark.y && y < dark.y + dark.height;
+      return inside ? grey : speckle.At(x, y);
+    };
+    const cv::Mat left = Render(kSize, 2, 1, [&](int x, int y) { return light(x, y); });
+    const cv::Mat right = Render(kSize, 2, 2, [&](int x, int y) { return 0.7 * light(kSlanted.LeftColumn(x, y), y); });
+    const cv::Mat disparity = MatchStereo(left, right, kRange, {}).disparity_px;
+    const cv::Rect inside(dark.x + 6, dark.y + 6, dark.width - 12, dark.height - 12);
+    const int guessed = cv::countNonZero(disparity(inside) < 1e6);
+    std::printf("dark at %.0f: %.2f %% of the pixels guessed\n", grey, 100.0 * guessed / inside.area());
+    EXPECT_LT(guessed, 0.05 * inside.area())
+        << grey;  // measured: see the line printed; 6 to 17 % without the last check
+  }
+}
+
 TEST(MatchStereo, PixelsOutsideTheMaskAreInvalid) {
   const StereoPair pair = RenderPlane(kSize, kSlanted, 2, 1);
   cv::Mat mask(kSize, CV_8UC1, cv::Scalar(255));
