@@ -131,7 +131,8 @@ class Aggregation {
   struct Scratch {
     RawArray<std::uint8_t> cost, prepared;
     RawArray<Cost> row_path, sums;
-    RawArray<Key<Cost>> keys, right;
+    RawArray<Key<Cost>> right;
+    Key<Cost>* keys = nullptr;  // the same for both rows of a pair: it stays in the first cache
     std::vector<Cost> p2[kPaths + 1];
     int j = 0, y = 0;
     CostRow row;
@@ -263,6 +264,11 @@ void Aggregation<Cost>::RunBoth(Stretch forward, Stretch backward) {
 template <typename Cost>
 void Aggregation<Cost>::Work(Stretch& stretch) const {
   Scratch scratch[2];
+  RawArray<Key<Cost>> keys;
+  if (stretch.visit == Visit::kPickWinners) {
+    keys.Reserve(static_cast<std::size_t>(kSegment) * chunks_ * kKeyStride);
+    std::fill_n(keys.data(), keys.capacity(), std::numeric_limits<Key<Cost>>::max());
+  }
   for (Scratch& one : scratch) {
     one.cost.Reserve(static_cast<std::size_t>(kSegment) * stride_);
     one.prepared.Reserve(PreparedBytes(left_.width, range_.count, left_.bytes));
@@ -270,8 +276,7 @@ void Aggregation<Cost>::Work(Stretch& stretch) const {
     one.row_path.Reserve(stride_);
     if (stretch.visit != Visit::kPickWinners) continue;
     one.sums.Reserve(static_cast<std::size_t>(kSegment) * stride_);
-    one.keys.Reserve(static_cast<std::size_t>(kSegment) * chunks_ * kKeyStride);
-    std::fill_n(one.keys.data(), one.keys.capacity(), std::numeric_limits<Key<Cost>>::max());
+    one.keys = keys.data();
     one.right.Reserve(2 * RightWidth());
   }
   // Rows are taken in order, so the row before any that is waited for is in the hands of a running thread.
@@ -482,7 +487,7 @@ void Aggregation<Cost>::Pick(const Stretch& stretch, Scratch& scratch) const {
   run.step[1] = stride_;
   run.tags = tags_.data();
   run.near = near_.data();
-  run.keys = scratch.keys.data();
+  run.keys = scratch.keys;
   run.left_index = winners_.left_index.ptr<std::int16_t>(scratch.y) + scratch.x;
   run.subpixel = winners_.subpixel.ptr<float>(scratch.y) + scratch.x;
   run.unique = winners_.unique.ptr<std::uint8_t>(scratch.y) + scratch.x;
