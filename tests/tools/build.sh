@@ -1,9 +1,15 @@
 #!/usr/bin/env bash
-# build.sh [-D…] [-- TARGET…]: installs what is missing, configures build/release and builds the targets (default all).
+# build.sh [--preset NAME] [-D…] [-- TARGET…]: installs what is missing, configures build/NAME (default release) and
+# builds the targets (default all).
 # What ./demo and ./check have in common; quiet where there is nothing to do.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
+preset=release
+if [[ ${1:-} == --preset ]]; then
+  preset=$2
+  shift 2
+fi
 definitions=()
 while [[ $# -gt 0 && $1 != -- ]]; do
   definitions+=("$1")
@@ -21,7 +27,7 @@ jobs=$((memory_jobs < cores ? memory_jobs : cores))
 ((jobs >= 1)) || jobs=1
 
 # Configured once; ninja itself configures again when a CMake file has changed.
-if [[ ! -f build/release/build.ninja || ${#definitions[@]} -gt 0 ]]; then
-  cmake --preset release "${definitions[@]}" >&2
+if [[ ! -f build/$preset/build.ninja || ${#definitions[@]} -gt 0 ]]; then
+  cmake --preset "$preset" "${definitions[@]}" >&2
 fi
-exec cmake --build build/release --parallel "$jobs" ${1:+--target "$@"} >&2
+exec cmake --build "build/$preset" --parallel "$jobs" ${1:+--target "$@"} >&2
