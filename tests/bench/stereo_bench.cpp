@@ -240,7 +240,7 @@ int Main(int argc, char** argv) {
   const std::string self = fs::read_symlink("/proc/self/exe").string();
   const fs::path folder = fs::temp_directory_path() / ("stereo_bench." + std::to_string(getpid()));
   fs::create_directory(folder);
-  std::vector<Size> sizes = {{640, 480, 64, 4}, {1280, 1024, 128, 2}, {2448, 2048, 256, 2}};
+  std::vector<Size> sizes = {{640, 480, 64, 4}, {1280, 1024, 128, 4}, {2448, 2048, 256, 2}};
   if (quick) sizes.resize(1);
   for (const Size& size : sizes) {
     RenderBenchPair(folder, size.width, size.height, size.disparities);
