@@ -52,9 +52,9 @@ void OwnDisparities(const Winners& winners, DisparityRange range, cv::Mat& left,
 
 // A left disparity is kept when the right picture's own at its partner points back to it; a fractional disparity has a
 // partner on either side.
-cv::Mat CheckedDisparity(const cv::Mat& left, const cv::Mat& right, int tolerance_px) {
+cv::Mat CheckedDisparity(const cv::Mat& left, const cv::Mat& right, DisparityRange range, int tolerance_px) {
   cv::Mat disparity(left.size(), CV_32FC1);
-  const float limit = static_cast<float>(tolerance_px);
+  const float limit = static_cast<float>(tolerance_px), first = static_cast<float>(range.min_px);
   ForEachRow(left.rows, [&](int y) {
     const float* left_row = left.ptr<float>(y);
     const float* right_row = right.ptr<float>(y);
@@ -63,7 +63,8 @@ cv::Mat CheckedDisparity(const cv::Mat& left, const cv::Mat& right, int toleranc
       out[x] = kInvalid;
       const float d = left_row[x];
       if (d == kNone) continue;
-      const float whole = std::floor(d + 0.5f);
+      // rounded; a disparity is never more than half a pixel below the least one
+      const float whole = static_cast<float>(range.min_px + static_cast<int>(d - first + 0.5f));
       const int partner = std::clamp(x - static_cast<int>(whole), 0, left.cols - 1);
       const int between = std::clamp(partner + (d > whole ? -1 : 1), 0, left.cols - 1);
       const bool agrees =
@@ -133,7 +134,7 @@ cv::Mat SearchDisparity(const GreyPair& pair, DisparityRange range, const Stereo
       cv::swap(*disparity, memory.filtered);
     }
   }
-  cv::Mat disparity = CheckedDisparity(memory.left_disparity, memory.right_disparity, options.left_right_px);
+  cv::Mat disparity = CheckedDisparity(memory.left_disparity, memory.right_disparity, range, options.left_right_px);
   const cv::Mat flat = WithoutTexture(pair.left, options.census_width, options.census_height);
   if (!flat.empty()) disparity.setTo(kInvalid, flat);
   KeepUsable(disparity, pair.usable.left, pair.usable.right);
