@@ -84,7 +84,10 @@ void KeepUsable(cv::Mat& disparity, const cv::Mat& left_usable, const cv::Mat& r
     float* d = disparity.ptr<float>(y);
     for (int x = 0; x < disparity.cols; ++x) {
       if (!std::isfinite(d[x])) continue;
-      const int partner = std::clamp(x - static_cast<int>(std::lround(d[x])), 0, disparity.cols - 1);
+      // rounded without a call: disparities lie above −kFar
+      constexpr int kFar = 1 << 20;
+      const int whole = static_cast<int>(static_cast<double>(d[x]) + kFar + 0.5) - kFar;
+      const int partner = std::clamp(x - whole, 0, disparity.cols - 1);
       if ((left != nullptr && left[x] == 0) || (right != nullptr && right[partner] == 0)) d[x] = kInvalid;
     }
   });

@@ -14,11 +14,11 @@
 namespace granary {
 
 cv::Mat SaturatedAreas(const cv::Mat& full) {
-  // A corner pixel of a square patch sees the patch in (5/9)² = 0.31 of its neighbourhood.
-  constexpr double kPatch = 0.25 * 255, kMostly = 0.5 * 255;
-  cv::Mat share;
-  cv::boxFilter(full, share, CV_32F, {9, 9});
-  return (full & (share > kPatch)) | (share > kMostly);
+  // Of 81 pixels; a corner pixel of a square patch sees 25 of the patch.
+  constexpr int kSide = 9, kPatch = 20, kMostly = 40;
+  cv::Mat count;
+  cv::boxFilter(full & 1, count, CV_8U, {kSide, kSide}, {-1, -1}, false);
+  return (full & (count > kPatch)) | (count > kMostly);
 }
 
 cv::Mat WithoutTexture(const cv::Mat& grey, int window_width, int window_height) {
