@@ -1,6 +1,7 @@
 // Checks what it is given, then searches and refines.
 #include "pipeline/stereo/match.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -104,8 +105,16 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
   if (options.coarse_to_fine) tiles = ProposeTiles(pair, range, options);
   const cv::Mat disparity = SearchDisparity(pair, range, options, tiles ? &*tiles : nullptr, memory.search);
   if (options.refine_radius_px == 0) {
-    cv::Mat deviation(disparity.size(), CV_32FC1, cv::Scalar(kUnrefinedDeviation_px));
-    deviation.setTo(std::numeric_limits<float>::quiet_NaN(), disparity == std::numeric_limits<float>::infinity());
+    cv::Mat deviation(disparity.size(), CV_32FC1);
+    tbb::parallel_for(tbb::blocked_range<int>(0, disparity.rows, 16), [&](const tbb::blocked_range<int>& rows) {
+      for (int y = rows.begin(); y < rows.end(); ++y) {
+        std::transform(disparity.ptr<float>(y), disparity.ptr<float>(y) + disparity.cols, deviation.ptr<float>(y),
+                       [](float d) {
+                         return d < std::numeric_limits<float>::infinity() ? static_cast<float>(kUnrefinedDeviation_px)
+                                                                           : std::numeric_limits<float>::quiet_NaN();
+                       });
+      }
+    });
     return {disparity, deviation};
   }
   Refined refined = RefineDisparity(pair.left, pair.right, disparity, {.radius_px = options.refine_radius_px},

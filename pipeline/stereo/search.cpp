@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <limits>
 #include <stdexcept>
+#include <vector>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -30,47 +31,60 @@ void ForEachRow(int rows, Body body) {
   });
 }
 
-void OwnDisparities(const Winners& winners, DisparityRange range, cv::Mat& left, cv::Mat& right) {
-  const cv::Size size = winners.left_index.size();
-  left.create(size, CV_32FC1);
-  right.create(size, CV_32FC1);
-  ForEachRow(size.height, [&](int y) {
-    const std::int16_t* left_index = winners.left_index.ptr<std::int16_t>(y);
-    const std::int16_t* right_index = winners.right_index.ptr<std::int16_t>(y);
-    const float* offset = winners.subpixel.ptr<float>(y);
-    const std::uint8_t* unique = winners.unique.ptr<std::uint8_t>(y);
-    float* left_out = left.ptr<float>(y);
-    float* right_out = right.ptr<float>(y);
-    const float first = static_cast<float>(range.min_px);
-    for (int x = 0; x < size.width; ++x) {
-      const float value = first + static_cast<float>(left_index[x]) + offset[x];
-      left_out[x] = left_index[x] >= 0 && unique[x] != 0 ? value : kNone;
-      right_out[x] = right_index[x] >= 0 ? first + static_cast<float>(right_index[x]) : kNone;
-    }
-  });
+void OwnRow(const Winners& winners, DisparityRange range, int y, float* left, float* right) {
+  const std::int16_t* left_index = winners.left_index.ptr<std::int16_t>(y);
+  const std::int16_t* right_index = winners.right_index.ptr<std::int16_t>(y);
+  const float* offset = winners.subpixel.ptr<float>(y);
+  const std::uint8_t* unique = winners.unique.ptr<std::uint8_t>(y);
+  const float first = static_cast<float>(range.min_px);
+  for (int x = 0; x < winners.left_index.cols; ++x) {
+    const float value = first + static_cast<float>(left_index[x]) + offset[x];
+    left[x] = left_index[x] >= 0 && unique[x] != 0 ? value : kNone;
+    right[x] = right_index[x] >= 0 ? first + static_cast<float>(right_index[x]) : kNone;
+  }
 }
 
 // A left disparity is kept when the right picture's own at its partner points back to it; a fractional disparity has a
-// partner on either side.
-cv::Mat CheckedDisparity(const cv::Mat& left, const cv::Mat& right, DisparityRange range, int tolerance_px) {
-  cv::Mat disparity(left.size(), CV_32FC1);
+// partner on either side. `out` may be `left`.
+void CheckRow(const float* left, const float* right, DisparityRange range, int tolerance_px, int width, float* out) {
   const float limit = static_cast<float>(tolerance_px), first = static_cast<float>(range.min_px);
-  ForEachRow(left.rows, [&](int y) {
-    const float* left_row = left.ptr<float>(y);
-    const float* right_row = right.ptr<float>(y);
-    float* out = disparity.ptr<float>(y);
-    for (int x = 0; x < left.cols; ++x) {
-      out[x] = kInvalid;
-      const float d = left_row[x];
-      if (d == kNone) continue;
-      // rounded; a disparity is never more than half a pixel below the least one
-      const float whole = static_cast<float>(range.min_px + static_cast<int>(d - first + 0.5f));
-      const int partner = std::clamp(x - static_cast<int>(whole), 0, left.cols - 1);
-      const int between = std::clamp(partner + (d > whole ? -1 : 1), 0, left.cols - 1);
-      const bool agrees =
-          std::abs(right_row[partner] - whole) <= limit || std::abs(right_row[between] - whole) <= limit;
-      if (agrees) out[x] = d;
-    }
+  for (int x = 0; x < width; ++x) {
+    const float d = left[x];
+    out[x] = kInvalid;
+    if (d == kNone) continue;
+    // rounded; a disparity is never more than half a pixel below the least one
+    const float whole = static_cast<float>(range.min_px + static_cast<int>(d - first + 0.5f));
+    const int partner = std::clamp(x - static_cast<int>(whole), 0, width - 1);
+    const int between = std::clamp(partner + (d > whole ? -1 : 1), 0, width - 1);
+    if (std::abs(right[partner] - whole) <= limit || std::abs(right[between] - whole) <= limit) out[x] = d;
+  }
+}
+
+cv::Mat CheckedDisparity(const Winners& winners, DisparityRange range, const StereoOptions& options,
+                         SearchBuffers& memory) {
+  const cv::Size size = winners.left_index.size();
+  cv::Mat disparity(size, CV_32FC1);
+  if (options.median_px == 0) {
+    ForEachRow(size.height, [&](int y) {
+      std::vector<float> right(size.width);
+      float* row = disparity.ptr<float>(y);
+      OwnRow(winners, range, y, row, right.data());
+      CheckRow(row, right.data(), range, options.left_right_px, size.width, row);
+    });
+    return disparity;
+  }
+  memory.left_disparity.create(size, CV_32FC1);
+  memory.right_disparity.create(size, CV_32FC1);
+  ForEachRow(size.height, [&](int y) {
+    OwnRow(winners, range, y, memory.left_disparity.ptr<float>(y), memory.right_disparity.ptr<float>(y));
+  });
+  for (cv::Mat* own : {&memory.left_disparity, &memory.right_disparity}) {
+    cv::medianBlur(*own, memory.filtered, options.median_px);
+    cv::swap(*own, memory.filtered);
+  }
+  ForEachRow(size.height, [&](int y) {
+    CheckRow(memory.left_disparity.ptr<float>(y), memory.right_disparity.ptr<float>(y), range, options.left_right_px,
+             size.width, disparity.ptr<float>(y));
   });
   return disparity;
 }
@@ -130,14 +144,7 @@ cv::Mat SearchDisparity(const GreyPair& pair, DisparityRange range, const Stereo
   CensusTransform(pair.left, options.census_width, options.census_height, memory.left_census);
   CensusTransform(pair.right, options.census_width, options.census_height, memory.right_census);
   FindWinners(memory.left_census, memory.right_census, range, aggregate, memory.aggregate, memory.winners);
-  OwnDisparities(memory.winners, range, memory.left_disparity, memory.right_disparity);
-  if (options.median_px > 0) {
-    for (cv::Mat* disparity : {&memory.left_disparity, &memory.right_disparity}) {
-      cv::medianBlur(*disparity, memory.filtered, options.median_px);
-      cv::swap(*disparity, memory.filtered);
-    }
-  }
-  cv::Mat disparity = CheckedDisparity(memory.left_disparity, memory.right_disparity, range, options.left_right_px);
+  cv::Mat disparity = CheckedDisparity(memory.winners, range, options, memory);
   const cv::Mat flat = WithoutTexture(pair.left, options.census_width, options.census_height);
   if (!flat.empty()) disparity.setTo(kInvalid, flat);
   KeepUsable(disparity, pair.usable.left, pair.usable.right);
