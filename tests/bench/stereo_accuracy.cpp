@@ -16,6 +16,7 @@
 #include "pipeline/cloud_files.h"
 #include "pipeline/stereo/match.h"
 #include "tests/bench/stereo_pairs.h"
+#include "tests/pipeline/natural_pictures.h"
 
 namespace granary {
 namespace {
@@ -211,18 +212,10 @@ void Curves() {
   CompareRendered("curved and slanted noise 2", CurvedSurface(kRenderedSize, kRendered), {2, 0.7, 6});
 }
 
-StereoOptions WithCensus(int width, int height) {
-  StereoOptions options;
-  options.census_width = width;
-  options.census_height = height;
-  return options;
-}
-
 void Photographs(const fs::path& samples) {
   const std::vector<Contender> natural = {{"ours", {}, false},
                                           {"ours unrefined", Unrefined(), false},
-                                          {"ours 7x5", WithCensus(7, 5), false},
-                                          {"ours 5x5", WithCensus(5, 5), false},
+                                          {"ours, natural pictures", ForNaturalPictures(), false},
                                           {"MODE_HH", {}, true}};
   for (const char* name : {"teddy", "cones", "flatboard", "bowl"}) {
     const fs::path folder = samples / "stereo" / name;

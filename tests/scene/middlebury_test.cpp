@@ -14,6 +14,7 @@
 
 #include "pipeline/cloud_files.h"
 #include "pipeline/stereo/match.h"
+#include "tests/pipeline/natural_pictures.h"
 
 namespace granary {
 namespace {
@@ -21,20 +22,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kDisparities = 64;
-
-/// What suits natural pictures with thin structures; the defaults suit speckle. Found on these two pairs.
-StereoOptions ForNaturalPictures() {
-  StereoOptions options;
-  options.census_width = options.census_height = 5;
-  options.p1 = 5;
-  options.p2 = 40;
-  options.adaptive_p2 = true;
-  options.median_px = 5;
-  options.uniqueness = 0;
-  options.speckle_area_px = 100;
-  options.refine_radius_px = 0;
-  return options;
-}
 
 /// Shares in percent of the non-occluded pixels from column kDisparities on, where every disparity has a partner.
 struct Badness {
