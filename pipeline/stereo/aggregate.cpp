@@ -8,13 +8,10 @@
 #include "pipeline/stereo/aggregate.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <stdexcept>
-#include <string>
 #include <thread>
 #include <vector>
 
@@ -60,7 +57,7 @@ class Aggregation {
       padding_.data()[e] = real ? Cost{0} : std::numeric_limits<Cost>::max();
       tags_.data()[e] = real ? static_cast<Key<Cost>>(kChunk - 1 - e % kChunk) : std::numeric_limits<Key<Cost>>::max();
     }
-    constexpr int kMostSum = static_cast<int>(std::numeric_limits<Key<Cost>>::max() >> kTagBits) - 1;
+    constexpr int kMostSum = static_cast<int>(kNoSum) - 1;
     for (int sum = 0; sum <= kPathsInAll * (options.census_bits + options.p2); ++sum) {
       const double limit = std::min<double>(sum * (1.0 + options.uniqueness), kMostSum);
       near_.push_back(static_cast<Key<Cost>>(static_cast<Key<Cost>>(limit) << kTagBits | (kChunk - 1)));
@@ -74,6 +71,8 @@ class Aggregation {
   void Run(AggregateBuffers& buffers);
 
  private:
+  static constexpr Key<Cost> kNoSum = std::numeric_limits<Key<Cost>>::max() >> kTagBits;
+
   struct Sweep {
     Direction way;
     PathSlots<Cost> slots;
@@ -255,7 +254,6 @@ void Aggregation<Cost>::BeginRow(const Stretch& stretch, int j, Scratch& scratch
   row.outside = static_cast<std::uint8_t>(options_.census_bits);
   PrepareRight(right_.Row(scratch.y), row, scratch.prepared.data());
   if (stretch.visit == Visit::kPickWinners) {
-    constexpr Key<Cost> kNoSum = std::numeric_limits<Key<Cost>>::max() >> kTagBits;
     std::fill_n(scratch.right.data(), RightWidth(), kNoSum);
     std::fill_n(scratch.right.data() + RightWidth(), RightWidth(), Key<Cost>{0});
   }
@@ -267,7 +265,7 @@ void Aggregation<Cost>::BeginRow(const Stretch& stretch, int j, Scratch& scratch
   }
   for (int k = 0; k < kPaths; ++k) scratch.row_place[k] = sweep.slots.Place(k, 0, j);
   // Paths that come in from the side.
-  sweep.slots.Clear(1, sweep.slots.Place(1, 0, j));
+  sweep.slots.Clear(1, scratch.row_place[1]);
   sweep.slots.Clear(2, sweep.slots.Place(2, way.width - 1, j));
   std::fill_n(scratch.row_path.data(), stride_, Cost{0});
   scratch.row_least = 0;
@@ -324,7 +322,6 @@ void Aggregation<Cost>::RowPair(Stretch& stretch, int j, int rows, Scratch (&scr
     const Key<Cost>* sum = scratch[r].right.data() + kRightMargin;
     const Key<Cost>* index = sum + RightWidth();
     std::int16_t* out = winners_.right_index.ptr<std::int16_t>(scratch[r].y);
-    constexpr Key<Cost> kNoSum = std::numeric_limits<Key<Cost>>::max() >> kTagBits;
     for (int x = 0; x < way.width; ++x) {
       out[x] = sum[x] == kNoSum ? std::int16_t{-1} : static_cast<std::int16_t>(index[x]);
     }
@@ -450,7 +447,7 @@ void Aggregation<Cost>::Pick(const Stretch& stretch, Scratch& scratch) const {
 // Whether bytes hold every path cost, the sums of four paths without C, and 16-bit keys the sums of all eight.
 bool FitsBytes(const AggregateOptions& options) {
   const int path = options.census_bits + options.p2;
-  return path <= 254 && 4 * options.p2 <= 255 && 8 * path < (1 << (16 - kTagBits)) - 1;
+  return path <= 254 && 4 * options.p2 <= 255 && kPathsInAll * path < (1 << (16 - kTagBits)) - 1;
 }
 
 }  // namespace

@@ -8,21 +8,18 @@
 #include <stdexcept>
 #include <string>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <opencv2/core.hpp>
 
 #include "pipeline/stereo/agreement.h"
 #include "pipeline/stereo/coarse.h"
+#include "pipeline/stereo/for_each_row.h"
 #include "pipeline/stereo/refine.h"
 
 namespace granary {
 
 namespace {
 
-constexpr double kUnrefinedDeviation_px = 0.3;  // census + SGM + equiangular, see docs/method.md
-constexpr int kMostDisparities = 2047;          // blobs are found in sixteenths of a pixel, 16 bits
+constexpr int kMostDisparities = 2047;  // blobs are found in sixteenths of a pixel, 16 bits
 
 void CheckPicture(const cv::Mat& grey, const char* side) {
   const std::string name = std::string("matching: the ") + side + " picture ";
@@ -71,19 +68,17 @@ cv::Mat WithoutSaturated(const cv::Mat& picture, const cv::Mat& usable) {
 // settle stays only if the pixel's own census windows agree.
 void DropAccidents(const GreyPair& pair, const StereoOptions& options, Refined& refined) {
   constexpr double kMatch = 0.5;  // of the contrast, as the refinement asks
-  tbb::parallel_for(tbb::blocked_range<int>(0, pair.left.rows, 16), [&](const tbb::blocked_range<int>& rows) {
-    for (int y = rows.begin(); y < rows.end(); ++y) {
-      float* disparity = refined.disparity_px.ptr<float>(y);
-      float* deviation = refined.deviation_px.ptr<float>(y);
-      for (int x = 0; x < pair.left.cols; ++x) {
-        if (!(deviation[x] >= static_cast<float>(kUnrefinedDeviation_px))) continue;
-        if (ExplainedContrast(pair.left, pair.right, x, y, disparity[x], options.census_width / 2,
-                              options.census_height / 2) >= kMatch) {
-          continue;
-        }
-        disparity[x] = std::numeric_limits<float>::infinity();
-        deviation[x] = std::numeric_limits<float>::quiet_NaN();
+  ForEachRow(pair.left.rows, [&](int y) {
+    float* disparity = refined.disparity_px.ptr<float>(y);
+    float* deviation = refined.deviation_px.ptr<float>(y);
+    for (int x = 0; x < pair.left.cols; ++x) {
+      if (!(deviation[x] >= kUnrefinedDeviation_px)) continue;
+      if (ExplainedContrast(pair.left, pair.right, x, y, disparity[x], options.census_width / 2,
+                            options.census_height / 2) >= kMatch) {
+        continue;
       }
+      disparity[x] = std::numeric_limits<float>::infinity();
+      deviation[x] = std::numeric_limits<float>::quiet_NaN();
     }
   });
 }
@@ -106,14 +101,12 @@ StereoResult MatchStereo(const cv::Mat& left, const cv::Mat& right, DisparityRan
   const cv::Mat disparity = SearchDisparity(pair, range, options, tiles ? &*tiles : nullptr, memory.search);
   if (options.refine_radius_px == 0) {
     cv::Mat deviation(disparity.size(), CV_32FC1);
-    tbb::parallel_for(tbb::blocked_range<int>(0, disparity.rows, 16), [&](const tbb::blocked_range<int>& rows) {
-      for (int y = rows.begin(); y < rows.end(); ++y) {
-        std::transform(disparity.ptr<float>(y), disparity.ptr<float>(y) + disparity.cols, deviation.ptr<float>(y),
-                       [](float d) {
-                         return d < std::numeric_limits<float>::infinity() ? static_cast<float>(kUnrefinedDeviation_px)
-                                                                           : std::numeric_limits<float>::quiet_NaN();
-                       });
-      }
+    ForEachRow(disparity.rows, [&](int y) {
+      std::transform(disparity.ptr<float>(y), disparity.ptr<float>(y) + disparity.cols, deviation.ptr<float>(y),
+                     [](float d) {
+                       return d < std::numeric_limits<float>::infinity() ? kUnrefinedDeviation_px
+                                                                         : std::numeric_limits<float>::quiet_NaN();
+                     });
     });
     return {disparity, deviation};
   }

@@ -15,6 +15,7 @@ namespace granary {
 constexpr int kLaneMultiple = 64;
 /// Most pixels in one run.
 constexpr int kSegment = 32;
+
 /// The census bytes of a row pair, ready to be compared.
 struct CostRow {
   const std::uint8_t* left = nullptr;   ///< `bytes` planes of `width`
@@ -47,7 +48,7 @@ struct PathRun {
   const Cost* padding = nullptr;       ///< `stride` values, all ones past the disparities, else 0
   Cost* paths[3] = {};  ///< L of the row before at the first pixel, `stride` a pixel; this row's is written over it
   Cost* least[3] = {};  ///< and its minimum, one a pixel
-  Cost* row_path = nullptr;   ///< L of the pixel before along the row; null leaves this path out
+  Cost* row_path = nullptr;   ///< L of the pixel before along the row; followed only where sums are wanted
   Cost* row_least = nullptr;  ///< its minimum
   Cost p1 = 0;
   const Cost* p2[4] = {};  ///< of every pixel of the run, path by path, the one along the row last

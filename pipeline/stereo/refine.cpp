@@ -24,9 +24,8 @@ namespace granary {
 
 namespace {
 
-constexpr float kUnrefinedDeviation_px = 0.3f;  // census + SGM + equiangular, see docs/method.md
-constexpr float kLeastDeviation_px = 0.001f;    // of exact copies: what the spline and sums of floats leave
-constexpr float kMaxLastShift_px = 0.5f;        // more in the last pass: the passes do not converge
+constexpr float kLeastDeviation_px = 0.001f;  // of exact copies: what the spline and sums of floats leave
+constexpr float kMaxLastShift_px = 0.5f;      // more in the last pass: the passes do not converge
 constexpr int kBandRows = 128;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 

@@ -5,6 +5,10 @@
 
 namespace granary {
 
+/// Standard deviation of a disparity that was not refined: census, path costs and the equiangular interpolant; see
+/// docs/method.md.
+inline constexpr float kUnrefinedDeviation_px = 0.3f;
+
 struct RefineOptions {
   int radius_px = 6;          ///< half window, 1 … 15
   int iterations = 3;         ///< passes, at least 1

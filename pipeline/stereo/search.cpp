@@ -9,11 +9,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+
+#include "pipeline/stereo/for_each_row.h"
 
 namespace granary {
 
@@ -23,13 +22,6 @@ constexpr float kInvalid = std::numeric_limits<float>::infinity();
 
 // Disparities of either picture by its own winners, the left one's with its fraction; kNone where there is none.
 constexpr float kNone = -1e6f;
-
-template <typename Body>
-void ForEachRow(int rows, Body body) {
-  tbb::parallel_for(tbb::blocked_range<int>(0, rows, 16), [&](const tbb::blocked_range<int>& range) {
-    for (int y = range.begin(); y < range.end(); ++y) body(y);
-  });
-}
 
 void OwnRow(const Winners& winners, DisparityRange range, int y, float* left, float* right) {
   const std::int16_t* left_index = winners.left_index.ptr<std::int16_t>(y);
