@@ -119,10 +119,13 @@ Surface BuildSurface(std::span<const Eigen::Vector3d> measured, const Floor& flo
   for (const auto& t : TriangulateDelaunay(plan)) {
     const Eigen::Vector2d &a = plan[t[0]], &b = plan[t[1]], &c = plan[t[2]];
     const double longest = std::max({(a - b).squaredNorm(), (b - c).squaredNorm(), (c - a).squaredNorm()});
-    if (longest > limit_m * limit_m) continue;
     const bool completed = surface.interpolated[t[0]] || surface.interpolated[t[1]] || surface.interpolated[t[2]];
     // A triangle of measured points alone lies between points on the grain floor, away from every edge.
     if (completed && !IsGrainFloor(bin, (a + b + c) / 3)) continue;
+    if (longest > limit_m * limit_m) {
+      surface.too_long.push_back(t);
+      continue;
+    }
     surface.triangles.push_back(t);
     surface.triangle_interpolated.push_back(completed ? 1 : 0);
   }

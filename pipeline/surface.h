@@ -22,6 +22,8 @@ struct Surface {
   std::vector<std::uint8_t> interpolated;               ///< one a vertex: 1 where completed, 0 where measured
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< counter-clockwise seen from above
   std::vector<std::uint8_t> triangle_interpolated;      ///< one a triangle: 1 when any vertex was completed
+  /// Those on the grain floor that an edge beyond the limit keeps out, so that other limits can be tried.
+  std::vector<std::array<std::uint32_t, 3>> too_long;
   double point_spacing_m = 0;   ///< median distance of neighbouring measured points, on the floor plane
   double edge_threshold_m = 0;  ///< limit used
   [[nodiscard]] bool Empty() const { return triangles.empty(); }

@@ -34,11 +34,6 @@ double SignedArea(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eige
   return (ab.x() * ac.y() - ab.y() * ac.x()) / 2;
 }
 
-double LongestEdgeSquared(std::span<const Eigen::Vector3d> vertices, const Triangle& t) {
-  const Eigen::Vector3d &a = vertices[t[0]], &b = vertices[t[1]], &c = vertices[t[2]];
-  return std::max({(b - a).squaredNorm(), (c - b).squaredNorm(), (a - c).squaredNorm()});
-}
-
 void CheckArrays(const Surface& surface) {
   const std::size_t vertices = surface.vertices_in_world.size(), triangles = surface.triangles.size();
   if (surface.height_m.size() != vertices) {
@@ -117,34 +112,6 @@ VolumeResult IntegrateVolume(const Surface& surface) {
     result.level_mean_m = level.Value() / result.area_m2;
   }
   return result;
-}
-
-std::vector<Triangle> LimitEdges(std::span<const Eigen::Vector3d> vertices_in_world,
-                                 std::span<const Triangle> triangles, double limit_m) {
-  if (!(limit_m >= 0)) throw std::invalid_argument("LimitEdges: the limit must be 0 m or more");
-  std::vector<Triangle> kept;
-  kept.reserve(triangles.size());
-  for (const Triangle& t : triangles) {
-    if (LongestEdgeSquared(vertices_in_world, t) <= limit_m * limit_m) kept.push_back(t);
-  }
-  return kept;
-}
-
-std::vector<Triangle> LimitEdges(std::span<const Eigen::Vector3d> vertices_in_world,
-                                 std::span<const Triangle> triangles, std::span<const double> limit_m) {
-  if (limit_m.size() != triangles.size()) {
-    throw std::invalid_argument("LimitEdges: " + std::to_string(triangles.size()) + " triangles but " +
-                                std::to_string(limit_m.size()) + " limits");
-  }
-  std::vector<Triangle> kept;
-  kept.reserve(triangles.size());
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    if (!(limit_m[i] >= 0)) {
-      throw std::invalid_argument("LimitEdges: the limit of triangle " + std::to_string(i) + " must be 0 m or more");
-    }
-    if (LongestEdgeSquared(vertices_in_world, triangles[i]) <= limit_m[i] * limit_m[i]) kept.push_back(triangles[i]);
-  }
-  return kept;
 }
 
 std::optional<double> MedianSpacing_m(std::span<const Eigen::Vector2d> points, std::span<const Triangle> triangles) {

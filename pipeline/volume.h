@@ -42,20 +42,6 @@ struct VolumeResult {
 ///   is clockwise seen from above, or one of its heights is not finite; names the triangle
 [[nodiscard]] VolumeResult IntegrateVolume(const Surface& surface);
 
-/// The triangles whose longest edge is at most `limit_m`, in order. Edges are measured in space, from point to point as
-/// in the paper, so that a step in height breaks the surface like a gap on the floor does.
-/// Source: Zhao 2023, §6.1.
-/// @param vertices_in_world metres
-/// @throws std::invalid_argument for a negative or NaN limit; infinity keeps all
-[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> LimitEdges(
-    std::span<const Eigen::Vector3d> vertices_in_world, std::span<const std::array<std::uint32_t, 3>> triangles,
-    double limit_m);
-/// As above with a limit for each triangle, metres.
-/// @throws std::invalid_argument when there is not one limit a triangle
-[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> LimitEdges(
-    std::span<const Eigen::Vector3d> vertices_in_world, std::span<const std::array<std::uint32_t, 3>> triangles,
-    std::span<const double> limit_m);
-
 /// Median length of the triangles' edges on the floor plane, m: the spacing of the points, whatever long edges the rim
 /// and holes add. Of very many triangles an even sample of about 100,000 is taken.
 /// @return empty when there is no triangle

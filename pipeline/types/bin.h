@@ -12,6 +12,16 @@ namespace granary {
 /// Corners in order (either winding), world xy, metres; the last joins the first.
 using Polygon = std::vector<Eigen::Vector2d>;
 
+/// What lies in the bin. An absent value is unknown.
+struct GrainKind {
+  std::string name;
+  /// A matcher sees the tops of kernels more than the gaps between them: its surface lies this much above the height
+  /// whose integral is the volume. Found from one fill of known volume (granaryctl grain-offset).
+  std::optional<double> surface_offset_m;
+  std::optional<double> surface_offset_u95_m;  ///< its expanded uncertainty; empty: half the offset
+  std::optional<double> angle_of_repose_deg;   ///< no completed surface is steeper
+};
+
 /// Geometry of one bin in the world frame.
 struct Bin {
   int id = 1;  ///< also the Modbus unit id, 1…247
@@ -19,6 +29,7 @@ struct Bin {
   Polygon footprint_m;
   double height_m = 0;             ///< top of the bin above z = 0
   std::vector<Polygon> exclude_m;  ///< floor that holds no grain (pillars, ducts)
+  GrainKind grain;
 };
 
 /// Book data of one bin (METHOD §7). An absent value is unknown, never 0.

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <opencv2/core/mat.hpp>
 
@@ -34,5 +35,8 @@ struct FramePair {
   std::chrono::microseconds skew{0};  ///< |exposure start left − right|
   [[nodiscard]] bool Simulated() const { return left.simulated || right.simulated; }
 };
+
+/// One pair a rig of a bin, in the order of the rigs.
+using Shot = std::vector<FramePair>;
 
 }  // namespace granary

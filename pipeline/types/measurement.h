@@ -7,6 +7,7 @@
 
 #include "pipeline/types/frame.h"
 #include "pipeline/types/reason.h"
+#include "pipeline/types/uncertainty_budget.h"
 
 namespace granary {
 
@@ -30,6 +31,9 @@ struct Measurement {
 
   std::optional<double> volume_m3;
   std::optional<double> volume_u95_m3;       ///< expanded uncertainty, k = 2
+  std::optional<UncertaintyBudget> budget;   ///< what volume_u95_m3 is made of
+  int shots = 1;                             ///< pairs of frames a rig that were fused
+  std::optional<double> repeatability_rsd_percent;  ///< of the shots' own volumes; empty with one shot
   std::optional<double> volume_measured_m3;  ///< under triangles of measured points only
   std::optional<double> volume_interpolated_m3;
   std::optional<double> volume_percent;  ///< of the bin's capacity

@@ -119,35 +119,6 @@ TEST(IntegrateVolume, RefusesMissingVerticesClockwiseTrianglesAndNan) {
   }
 }
 
-TEST(LimitEdges, KeepsATriangleWhoseLongestEdgeIsTheLimit) {
-  const std::vector<Eigen::Vector3d> vertices = {{0, 0, 0}, {3, 0, 0}, {0, 4, 0}};
-  const std::vector<std::array<std::uint32_t, 3>> triangles = {{0, 1, 2}};
-  EXPECT_EQ(LimitEdges(vertices, triangles, 5).size(), 1U);
-  EXPECT_EQ(LimitEdges(vertices, triangles, std::nextafter(5.0, 0)).size(), 0U);
-}
-
-TEST(LimitEdges, CountsTheHeightOfAStep) {
-  const std::vector<Eigen::Vector3d> vertices = {{0, 0, 0}, {0.001, 0, 0.01}, {0, 0.001, 0}};
-  const std::vector<std::array<std::uint32_t, 3>> triangles = {{0, 1, 2}};
-  EXPECT_TRUE(LimitEdges(vertices, triangles, 0.004).empty());
-}
-
-TEST(LimitEdges, TakesALimitForEachTriangle) {
-  const std::vector<Eigen::Vector3d> vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
-  const std::vector<std::array<std::uint32_t, 3>> triangles = {{0, 1, 2}, {0, 2, 3}};
-  const std::vector<double> limits = {1.0, 1.5};
-  EXPECT_THAT(LimitEdges(vertices, triangles, limits), testing::ElementsAre(triangles[1]));
-}
-
-TEST(LimitEdges, RefusesLimitsThatAreNone) {
-  const std::vector<Eigen::Vector3d> vertices = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}};
-  const std::vector<std::array<std::uint32_t, 3>> triangles = {{0, 1, 2}};
-  EXPECT_THROW((void)LimitEdges(vertices, triangles, -1), std::invalid_argument);
-  EXPECT_THROW((void)LimitEdges(vertices, triangles, std::nan("")), std::invalid_argument);
-  EXPECT_THROW((void)LimitEdges(vertices, triangles, std::vector<double>{}), std::invalid_argument);
-  EXPECT_THROW((void)LimitEdges(vertices, triangles, std::vector<double>{-1}), std::invalid_argument);
-}
-
 TEST(MedianSpacing_m, IsTheSpacingOfAGridDespiteAFarPoint) {
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < 50 * 50; ++i) points.emplace_back(0.004 * (i % 50), 0.004 * (i / 50));
