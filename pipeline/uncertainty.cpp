@@ -14,18 +14,14 @@ constexpr double kPose = 1e-3;              // height error of an unseen floor, 
 
 }  // namespace
 
-double UncertaintyBudget::Expanded_m3() const {
-  return 2 * std::sqrt(matching * matching + floor * floor + scale * scale + completion * completion + relief * relief);
-}
-
 UncertaintyBudget VolumeUncertainty(const UncertaintyInputs& in) {
   UncertaintyBudget budget;
-  budget.matching = kDisparityBias_px * in.surface_step_m * in.grain_floor_m2;
-  budget.floor = (in.floor_measured ? kDisparityBias_px * in.floor_step_m : (kPose + kScale) * in.camera_height_m) *
+  budget.matching_m3 = kDisparityBias_px * in.surface_step_m * in.grain_floor_m2;
+  budget.reference_m3 = (in.floor_measured ? kDisparityBias_px * in.floor_step_m : (kPose + kScale) * in.camera_height_m) *
                  in.grain_floor_m2;
-  budget.scale = kScale * in.volume_m3;
-  budget.completion = kCompletion * std::abs(in.interpolated_m3);
-  budget.relief = kRelief_m * in.grain_floor_m2;
+  budget.calibration_m3 = kScale * in.volume_m3;
+  budget.completion_m3 = kCompletion * std::abs(in.interpolated_m3);
+  budget.relief_m3 = kRelief_m * in.grain_floor_m2;
   return budget;
 }
 
