@@ -4,7 +4,6 @@
 
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,7 +14,6 @@
 #include "daemon/ctl/summary.h"
 #include "daemon/memory.h"
 #include "daemon/record_json.h"
-#include "pipeline/reference_file.h"
 
 namespace granary {
 namespace {
@@ -26,35 +24,6 @@ struct MeasureArguments {
   std::string rig;
   std::string save;
 };
-
-/// What the rig's grain is measured against; empty when there is nothing, and the pipeline says what that costs.
-std::optional<Reference> ReferenceFor(const ChosenBin& bin, std::size_t index, bool from_files) {
-  const ChosenRig& rig = bin.rigs[index];
-  const auto folder = ReferenceFolderOf(bin, rig);
-  const bool simulator = rig.Simulated() && !from_files;
-  if (HasReference(folder)) {
-    Reference stored = LoadReference(folder);
-    const bool fits = stored.rig_hash == HashOfRig(rig.setup.calibration, rig.setup.world_from_left);
-    if (fits && stored.simulated && !simulator) {
-      Say("rig " + rig.options.name + ": warning: reference " + stored.id + " is of the simulator, the frames are not");
-    }
-    if (fits) return stored;
-    if (!simulator) {
-      throw std::runtime_error("rig " + rig.options.name + ": reference " + stored.id + " in " + folder.string() +
-                               " was taken with another calibration or pose; take it again");
-    }
-  }
-  if (!simulator) return std::nullopt;
-  Say("rig " + rig.options.name +
-      ": no reference is stored; taking one of the simulator's empty bin, for this time only");
-  const Pipeline pipeline(bin.config.bin, bin.Setups(), bin.config.pipeline);
-  auto run = pipeline.TakeReference(index, CapturePair(bin, rig, true));
-  if (!run.reference) {
-    throw std::runtime_error("rig " + rig.options.name + ": no reference: " + std::string(InfoOf(run.reason).name) +
-                             ": " + run.detail);
-  }
-  return std::move(run.reference);
-}
 
 int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
   ChosenBin bin = ChooseBin(global, arguments.rig);

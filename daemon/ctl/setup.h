@@ -2,6 +2,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -48,6 +49,14 @@ struct FrameFiles {
 
 /// Where the rig's reference is stored.
 [[nodiscard]] std::filesystem::path ReferenceFolderOf(const ChosenBin& bin, const ChosenRig& rig);
+
+/// What the grain of the bin's rig `index` is measured against: the stored reference; where none is stored, or one of
+/// another rig, a simulated rig takes one of its empty bin, for this time only. Empty when there is nothing, and the
+/// pipeline says what that costs.
+/// @param from_files the frames come from files, not from the rig's own cameras
+/// @throws std::runtime_error when the stored one is of another calibration or pose, or none can be taken; FileError,
+///   DeviceError
+[[nodiscard]] std::optional<Reference> ReferenceFor(const ChosenBin& bin, std::size_t index, bool from_files);
 
 /// Milliseconds of a clock that only goes forward.
 [[nodiscard]] double SteadyMilliseconds();
