@@ -21,8 +21,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kRotationTolerance = 1e-4;  // files written with 5 digits still pass; a wrong matrix does not
-constexpr double kLargestBaseline_m = 20;    // beyond the largest store: T was given in millimetres
+constexpr double kRotationTolerance = 1e-4;    // files written with 5 digits still pass; a wrong matrix does not
+constexpr double kCovarianceTolerance = 1e-4;  // of the correlations: the same 5 digits
+constexpr double kLargestBaseline_m = 20;      // beyond the largest store: T was given in millimetres
 
 /// One YAML file being read; every fault names the file and the key.
 class YamlReader {
@@ -39,6 +40,11 @@ class YamlReader {
 
   [[noreturn]] void Fail(const std::string& key, const std::string& fault) const {
     throw FileError(file_, key + ": " + fault);
+  }
+
+  bool Has(const std::string& key) const {
+    const cv::FileNode root = storage_.root();
+    return root.isMap() && !root[key].empty();
   }
 
   int PositiveInt(const std::string& key) const {
@@ -153,6 +159,38 @@ std::vector<double> Distortion(const YamlReader& yaml, const std::string& key) {
   return yaml.Vector(key, {4, 5, 8, 12, 14}, "4, 5, 8, 12 or 14 coefficients");
 }
 
+/// Judged by the correlations, because variances of px², rad² and m² lie many powers of ten apart.
+void CheckCovariance(const YamlReader& yaml, const std::string& key, const cv::Mat& covariance) {
+  const auto place = [](int row, int col) {
+    return "element [" + std::to_string(row) + "][" + std::to_string(col) + "] ";
+  };
+  cv::Mat correlation = cv::Mat::eye(covariance.size(), CV_64F);
+  for (int row = 0; row < covariance.rows; ++row) {
+    const double variance = covariance.at<double>(row, row);
+    if (variance < 0) yaml.Fail(key, place(row, row) + "is " + YamlReader::Number(variance) + ": a negative variance");
+    for (int col = 0; col < row; ++col) {
+      const double lower = covariance.at<double>(row, col), upper = covariance.at<double>(col, row);
+      const double scale = std::sqrt(variance * covariance.at<double>(col, col));
+      if (std::abs(lower - upper) > kCovarianceTolerance * scale) {
+        yaml.Fail(key, place(row, col) + "is " + YamlReader::Number(lower) + " and its mirror image " +
+                           YamlReader::Number(upper) + ": not symmetric");
+      }
+      if (std::abs(lower) > (1 + kCovarianceTolerance) * scale) {
+        yaml.Fail(key, place(row, col) + "is " + YamlReader::Number(lower) +
+                           ": more than the variances of its row and column allow");
+      }
+      if (scale > 0) correlation.at<double>(row, col) = correlation.at<double>(col, row) = lower / scale;
+    }
+  }
+  cv::Mat eigenvalues;
+  cv::eigen(correlation, eigenvalues);
+  const double least = eigenvalues.at<double>(eigenvalues.rows - 1);
+  if (least < -kCovarianceTolerance) {
+    yaml.Fail(key, "has a negative variance along some direction (eigenvalue " + YamlReader::Number(least) +
+                       " of its correlations): no covariance");
+  }
+}
+
 void Save(const fs::path& file, const std::vector<std::pair<std::string, cv::Mat>>& matrices, cv::Size size) {
   cv::FileStorage storage(".yml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
   if (size.width > 0) storage << "image_width" << size.width << "image_height" << size.height;
@@ -179,18 +217,21 @@ StereoCalibration LoadStereoCalibration(const fs::path& file) {
     yaml.Fail("T", "is " + YamlReader::Number(calibration.Baseline_m()) +
                        " long; metres are wanted, 20 at the most (was it written in millimetres?)");
   }
+  if (yaml.Has("covariance")) {
+    const int count = calibration.ParameterCount();
+    calibration.covariance = yaml.Matrix("covariance", count, count);
+    CheckCovariance(yaml, "covariance", calibration.covariance);
+  }
   return calibration;
 }
 
 void SaveStereoCalibration(const fs::path& file, const StereoCalibration& calibration) {
-  Save(file,
-       {{"K1", cv::Mat(calibration.K1)},
-        {"D1", cv::Mat(calibration.D1, true).reshape(1, 1)},
-        {"K2", cv::Mat(calibration.K2)},
-        {"D2", cv::Mat(calibration.D2, true).reshape(1, 1)},
-        {"R", cv::Mat(calibration.R)},
-        {"T", cv::Mat(calibration.T_m, true)}},
-       calibration.image_size);
+  std::vector<std::pair<std::string, cv::Mat>> matrices = {
+      {"K1", cv::Mat(calibration.K1)}, {"D1", cv::Mat(calibration.D1, true).reshape(1, 1)},
+      {"K2", cv::Mat(calibration.K2)}, {"D2", cv::Mat(calibration.D2, true).reshape(1, 1)},
+      {"R", cv::Mat(calibration.R)},   {"T", cv::Mat(calibration.T_m, true)}};
+  if (!calibration.covariance.empty()) matrices.emplace_back("covariance", calibration.covariance);
+  Save(file, matrices, calibration.image_size);
 }
 
 RigidTransform LoadWorldFromLeft(const fs::path& file) {

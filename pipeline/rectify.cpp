@@ -47,27 +47,34 @@ std::string Describe(const Frame& frame) {
 
 }  // namespace
 
-Rectification ComputeRectification(const StereoCalibration& calibration) {
-  cv::Mat R1, R2, P1, P2, Q;
+RectifiedCameras RectifyCameras(const StereoCalibration& calibration) {
+  RectifiedCameras out;
+  cv::Matx44d Q;
   cv::stereoRectify(calibration.K1, calibration.D1, calibration.K2, calibration.D2, calibration.image_size,
-                    calibration.R, calibration.T_m, R1, R2, P1, P2, Q, 0, -1, calibration.image_size);
-  if (std::abs(P2.at<double>(1, 3)) > std::abs(P2.at<double>(0, 3))) {
+                    calibration.R, calibration.T_m, out.R1, out.R2, out.P1, out.P2, Q, 0, -1, calibration.image_size);
+  if (std::abs(out.P2(1, 3)) > std::abs(out.P2(0, 3))) {
     throw std::invalid_argument("the cameras stand one above the other; they must stand side by side");
   }
-  if (P2.at<double>(0, 3) >= 0) {
+  if (out.P2(0, 3) >= 0) {
     throw std::invalid_argument(
         "the right camera lies to the left of the left one: T must have a negative x, "
         "are the sides exchanged?");
   }
+  return out;
+}
+
+Rectification ComputeRectification(const StereoCalibration& calibration) {
+  const RectifiedCameras cameras = RectifyCameras(calibration);
+  const auto& [R1, R2, P1, P2] = cameras;
   Rectification out;
   out.size = calibration.image_size;
-  out.focal_px = P1.at<double>(0, 0);
-  out.baseline_m = -P2.at<double>(0, 3) / P2.at<double>(0, 0);
-  out.left_cx_px = P1.at<double>(0, 2);
-  out.right_cx_px = P2.at<double>(0, 2);
-  out.cy_px = P1.at<double>(1, 2);
+  out.focal_px = P1(0, 0);
+  out.baseline_m = cameras.Baseline_m();
+  out.left_cx_px = P1(0, 2);
+  out.right_cx_px = P2(0, 2);
+  out.cy_px = P1(1, 2);
   for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) out.left_from_rectified.linear()(r, c) = R1.at<double>(c, r);
+    for (int c = 0; c < 3; ++c) out.left_from_rectified.linear()(r, c) = R1(c, r);
   }
   cv::initUndistortRectifyMap(calibration.K1, calibration.D1, R1, P1, out.size, CV_32FC1, out.left_map_x,
                               out.left_map_y);

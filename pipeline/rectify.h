@@ -4,6 +4,7 @@
 #include <string>
 
 #include <opencv2/core/mat.hpp>
+#include <opencv2/core/matx.hpp>
 
 #include "pipeline/stereo/aggregate.h"
 #include "pipeline/stereo/usable.h"
@@ -35,6 +36,17 @@ struct Rectification {
   /// Change of depth for one pixel of disparity at that depth, m/px.
   [[nodiscard]] double DepthStep_m(double depth_m) const { return depth_m * depth_m / (focal_px * baseline_m); }
 };
+
+/// Where a rectification puts the cameras, as cv::stereoRectify has it; cheap, unlike the maps.
+struct RectifiedCameras {
+  cv::Matx33d R1, R2;  ///< rectified from left, rectified from right
+  cv::Matx34d P1, P2;  ///< projection of rectified points, px and px·m
+
+  [[nodiscard]] double Baseline_m() const { return -P2(0, 3) / P2(0, 0); }
+};
+
+/// @throws std::invalid_argument as ComputeRectification
+[[nodiscard]] RectifiedCameras RectifyCameras(const StereoCalibration& calibration);
 
 /// @throws std::invalid_argument when the right camera is not to the right of the left one (sides exchanged, or one
 ///   above the other)

@@ -17,8 +17,9 @@ constexpr double kPose = 1e-3;              // height error of an unseen floor, 
 UncertaintyBudget VolumeUncertainty(const UncertaintyInputs& in) {
   UncertaintyBudget budget;
   budget.matching_m3 = kDisparityBias_px * in.surface_step_m * in.grain_floor_m2;
-  budget.reference_m3 = (in.floor_measured ? kDisparityBias_px * in.floor_step_m : (kPose + kScale) * in.camera_height_m) *
-                 in.grain_floor_m2;
+  budget.reference_m3 =
+      (in.floor_measured ? kDisparityBias_px * in.floor_step_m : (kPose + kScale) * in.camera_height_m) *
+      in.grain_floor_m2;
   budget.calibration_m3 = kScale * in.volume_m3;
   budget.completion_m3 = kCompletion * std::abs(in.interpolated_m3);
   budget.relief_m3 = kRelief_m * in.grain_floor_m2;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include <opencv2/core/mat.hpp>
 #include <opencv2/core/matx.hpp>
 #include <opencv2/core/types.hpp>
 
@@ -17,6 +18,21 @@ struct StereoCalibration {
   cv::Matx33d R = cv::Matx33d::eye();
   cv::Vec3d T_m;
 
+  /// How well the above is known: CV_64F, n×n with n = ParameterCount(), empty when unknown. It is no part of the
+  /// calibration: two that differ in nothing else measure alike. Its order, as in a file:
+  ///
+  ///     fx1 fy1 cx1 cy1   px
+  ///     D1                all its coefficients, as stored
+  ///     fx2 fy2 cx2 cy2   px
+  ///     D2
+  ///     rotation of R     3, rad: a small turn r from the left, R_true = exp([r]×)·R
+  ///     T                 3, m
+  ///
+  /// Rows and columns of what was held fixed are 0.
+  cv::Mat covariance;
+
+  /// The length of the above order.
+  [[nodiscard]] int ParameterCount() const { return 14 + static_cast<int>(D1.size() + D2.size()); }
   [[nodiscard]] double Baseline_m() const { return cv::norm(T_m); }
 };
 
