@@ -1,5 +1,5 @@
-// The volume is a sum of prisms (METHOD §6), each in closed form; Neumaier's compensated summation keeps what plain
-// addition of millions of small terms to a large one would round away.
+// The volume is a sum of prisms (METHOD §6), each in closed form; a compensated sum keeps what plain addition of
+// millions of small terms to a large one would round away.
 #include "pipeline/volume.h"
 
 #include <algorithm>
@@ -11,28 +11,12 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/compensated_sum.h"
+
 namespace granary {
 namespace {
 
 using Triangle = std::array<std::uint32_t, 3>;
-
-class CompensatedSum {
- public:
-  void Add(double value) {
-    const double sum = sum_ + value;
-    lost_ += std::abs(sum_) >= std::abs(value) ? (sum_ - sum) + value : (value - sum) + sum_;
-    sum_ = sum;
-  }
-  [[nodiscard]] double Value() const { return sum_ + lost_; }
-
- private:
-  double sum_ = 0, lost_ = 0;
-};
-
-double SignedArea(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
-  const Eigen::Vector2d ab = b - a, ac = c - a;
-  return (ab.x() * ac.y() - ab.y() * ac.x()) / 2;
-}
 
 void CheckArrays(const Surface& surface) {
   const std::size_t vertices = surface.vertices_in_world.size(), triangles = surface.triangles.size();
@@ -48,6 +32,11 @@ void CheckArrays(const Surface& surface) {
 
 }  // namespace
 
+double PlanArea_m2(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
+  const Eigen::Vector2d ab = b - a, ac = c - a;
+  return (ab.x() * ac.y() - ab.y() * ac.x()) / 2;
+}
+
 double PrismVolume_m3(double area_m2, double height_a_m, double height_b_m, double height_c_m) {
   return area_m2 * (height_a_m + height_b_m + height_c_m) / 3;
 }
@@ -57,7 +46,7 @@ double CutAndComplementVolume_m3(const Eigen::Vector3d& a, const Eigen::Vector3d
   std::sort(corner.begin(), corner.end(), [](const auto& p, const auto& q) { return p.z() < q.z(); });
   const auto& [low, middle, high] = corner;
   const Eigen::Vector2d low_xy = low.head<2>(), middle_xy = middle.head<2>(), high_xy = high.head<2>();
-  const double area = std::abs(SignedArea(low_xy, middle_xy, high_xy));
+  const double area = std::abs(PlanArea_m2(low_xy, middle_xy, high_xy));
   // The right prism reaches up to the lowest corner.
   const double prism = area * low.z();
   // A cut at the middle corner's height leaves below it a pyramid: its apex is the lowest corner, its base the upright
@@ -83,7 +72,7 @@ VolumeResult IntegrateVolume(const Surface& surface) {
     if (*std::max_element(t.begin(), t.end()) >= surface.vertices_in_world.size()) fail("names a missing vertex");
     const Eigen::Vector3d &a = surface.vertices_in_world[t[0]], &b = surface.vertices_in_world[t[1]],
                           &c = surface.vertices_in_world[t[2]];
-    const double area = SignedArea(a.head<2>(), b.head<2>(), c.head<2>());
+    const double area = PlanArea_m2(a.head<2>(), b.head<2>(), c.head<2>());
     const double volume = PrismVolume_m3(area, surface.height_m[t[0]], surface.height_m[t[1]], surface.height_m[t[2]]);
     const double level_volume = PrismVolume_m3(area, a.z(), b.z(), c.z());
     if (!std::isfinite(volume) || !std::isfinite(level_volume)) fail("has a corner that is not finite");

@@ -13,6 +13,9 @@
 
 namespace granary {
 
+/// Area of a triangle on the floor plane, m²; positive when it is counter-clockwise.
+[[nodiscard]] double PlanArea_m2(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c);
+
 /// Volume between a triangle of floor area `area_m2` and the surface over it whose heights at the corners are given:
 /// S · (hA + hB + hC) / 3, m³. Negative heights count negative. Source: METHOD §6.
 [[nodiscard]] double PrismVolume_m3(double area_m2, double height_a_m, double height_b_m, double height_c_m);
