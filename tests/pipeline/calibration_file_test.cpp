@@ -206,6 +206,78 @@ TEST(LoadStereoCalibration, MillimetresAreSuspected) {
   EXPECT_THAT(StereoFault("[ -0.11, 0., 0.003 ]", "[ -110., 0., 3. ]"), HasSubstr("millimetres"));
 }
 
+/// The covariance of kStereo (24×24) with some elements set, as text of a file.
+std::string WithCovariance(const cv::Mat& covariance) {
+  cv::FileStorage storage(".yml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
+  storage << "covariance" << covariance;
+  const std::string text = storage.releaseAndGetString();
+  return kStereo + text.substr(text.find("covariance"));
+}
+cv::Mat Diagonal() {
+  cv::Mat covariance = cv::Mat::zeros(24, 24, CV_64F);
+  for (int i = 0; i < 24; ++i) covariance.at<double>(i, i) = i == 8 ? 0 : std::pow(10.0, -i / 2);
+  return covariance;
+}
+std::string CovarianceFault(const cv::Mat& covariance) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.Write("stereo.yml", WithCovariance(covariance));
+  return FaultOf([&] { static_cast<void>(LoadStereoCalibration(file)); });
+}
+std::string CovarianceFault(int row, int col, double value, double mirrored) {
+  cv::Mat covariance = Diagonal();
+  covariance.at<double>(row, col) = value;
+  covariance.at<double>(col, row) = mirrored;
+  return CovarianceFault(covariance);
+}
+
+TEST(LoadStereoCalibration, AFileWithoutCovarianceHasNone) {
+  const TemporaryFolder folder;
+  EXPECT_TRUE(LoadStereoCalibration(folder.Write("stereo.yml", kStereo)).covariance.empty());
+}
+TEST(SaveStereoCalibration, WritesTheCovarianceBitForBitAndNoneWhereItIsUnknown) {
+  const TemporaryFolder folder;
+  StereoCalibration c = LoadStereoCalibration(folder.Write("stereo.yml", kStereo));
+  SaveStereoCalibration(folder / "without.yml", c);
+  EXPECT_TRUE(LoadStereoCalibration(folder / "without.yml").covariance.empty());
+  c.covariance = Diagonal() / 3;
+  SaveStereoCalibration(folder / "with.yml", c);
+  const cv::Mat back = LoadStereoCalibration(folder / "with.yml").covariance;
+  ASSERT_EQ(back.type(), CV_64FC1);
+  ASSERT_EQ(back.size(), c.covariance.size());
+  EXPECT_EQ(cv::countNonZero(back != c.covariance), 0);
+}
+TEST(LoadStereoCalibration, CovarianceMustFitTheCoefficients) {
+  EXPECT_THAT(CovarianceFault(Diagonal()(cv::Rect(0, 0, 23, 23))),
+              AllOf(HasSubstr("stereo.yml: covariance: is 23x23"), HasSubstr("24x24 is wanted")));
+  EXPECT_THAT(CovarianceFault(Diagonal().rowRange(0, 6)), HasSubstr("covariance: is 6x24"));
+}
+TEST(LoadStereoCalibration, CovarianceMustBeFinite) {
+  EXPECT_THAT(CovarianceFault(3, 3, std::nan(""), std::nan("")), HasSubstr("covariance: element [3][3] is nan"));
+}
+TEST(LoadStereoCalibration, CovarianceMustBeSymmetric) {
+  EXPECT_THAT(CovarianceFault(2, 1, 0.01, 0.02), AllOf(HasSubstr("covariance: "), HasSubstr("not symmetric")));
+}
+TEST(LoadStereoCalibration, CovarianceMustHaveNoNegativeVariance) {
+  EXPECT_THAT(CovarianceFault(5, 5, -1e-9, -1e-9), HasSubstr("covariance: element [5][5] is -1e-09"));
+}
+TEST(LoadStereoCalibration, CovarianceMustBePositiveAlongEveryDirection) {
+  EXPECT_THAT(CovarianceFault(1, 0, 1.01, 1.01), HasSubstr("covariance: element [1][0]"));  // a correlation of 1.01
+  EXPECT_THAT(CovarianceFault(8, 0, 0.1, 0.1), HasSubstr("covariance: element [8][0]"));    // 8 is held
+  cv::Mat covariance = Diagonal();  // each pair may pass, the three together cannot: correlations of −0.9
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) covariance.at<double>(i, j) = i == j ? 1 : -0.9;
+  }
+  EXPECT_THAT(CovarianceFault(covariance), AllOf(HasSubstr("covariance: "), HasSubstr("eigenvalue")));
+}
+TEST(LoadStereoCalibration, CovarianceRoundedToFiveDigitsPasses) {
+  cv::Mat covariance = Diagonal();
+  covariance.at<double>(0, 1) = 1.00001;  // a correlation of 1 but for the last digit
+  covariance.at<double>(1, 0) = 1.00002;
+  covariance.at<double>(1, 1) = 1;
+  const TemporaryFolder folder;
+  EXPECT_NO_THROW(static_cast<void>(LoadStereoCalibration(folder.Write("s.yml", WithCovariance(covariance)))));
+}
+
 TEST(SaveWorldFromLeft, ReadsBackBitForBit) {
   const TemporaryFolder folder;
   RigidTransform pose = RigidTransform::Identity();
