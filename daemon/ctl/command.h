@@ -39,6 +39,7 @@ using Command = std::function<int()>;
 /// Each adds one subcommand to `app`; once the arguments are parsed and name it, `chosen` is what it does.
 /// `global` is read when the command runs.
 void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddSweep(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddReference(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddDisparity(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddSnapshot(CLI::App& app, const GlobalOptions& global, Command& chosen);

@@ -56,6 +56,7 @@ int Main(int argc, char** argv) {
   app.require_subcommand(1);
   app.fallthrough();  // the global options may also follow the command
   AddMeasure(app, global, chosen);
+  AddSweep(app, global, chosen);
   AddReference(app, global, chosen);
   AddDisparity(app, global, chosen);
   AddSnapshot(app, global, chosen);

@@ -14,6 +14,7 @@ packages=(
   libhowardhinnant-date-dev tzdata
   libtomlplusplus-dev libcli11-dev                                        # config and granaryctl
   libgtest-dev libgmock-dev libbenchmark-dev binutils mbpoll              # tests; mbpoll also reads the demo
+  gnuplot-nox                                                             # run by granaryctl sweep and the benchmarks
 )
 
 if [[ ${1:-} == --list ]]; then

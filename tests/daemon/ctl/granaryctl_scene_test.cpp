@@ -13,6 +13,7 @@
 namespace granary {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 // The demo's bin holds 0.0193 m³ at its first measurement. 1.5 % is the paper's bound for any one measurement; the
@@ -33,12 +34,12 @@ TEST(GranaryctlScene, MeasuresTheSimulatedBinAndSavesEveryIntermediate) {
   EXPECT_GT(record["timings_ms"]["capture"].get<double>(), 0);
   EXPECT_GT(record["peak_rss_mib"].get<double>(), 0);
   EXPECT_FALSE(std::filesystem::exists(folder / "state"));  // neither a record nor a reference is stored
-  for (const char* name :
-       {"rectified.png", "left_rectified.png", "right_rectified.png", "disparity.png", "grain.png", "height.png"}) {
+  for (const char* name : {"rectified.png", "left_rectified.png", "right_rectified.png", "disparity.png", "grain.png",
+                           "removed.png", "height.png", "mesh.png"}) {
     EXPECT_FALSE(ReadImage(folder / "saved" / name).empty()) << name;
   }
   EXPECT_EQ(ReadPfm(folder / "saved/disparity.pfm").size(), ReadPcd(folder / "saved/cloud.pcd").points.size());
-  for (const char* name : {"cloud.ply", "mesh.ply", "record.json"}) {
+  for (const char* name : {"cloud.ply", "mesh.ply", "removed.ply", "record.json"}) {
     EXPECT_GT(std::filesystem::file_size(folder / "saved" / name), 100U) << name;
   }
 }
@@ -73,6 +74,51 @@ TEST(GranaryctlScene, ADamagedReferenceIsNotMeasuredAgainst) {
   const ProgramRun run = folder.Run(Demo("measure --json"));
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.Document().value("error", ""), HasSubstr("reference.pcd"));
+}
+
+TEST(GranaryctlScene, SweepsTheSimulatedBin) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("sweep --json --repeats 3 --volume 0.0193 -o study"));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto table = run.Document();
+  EXPECT_EQ(table["repeats"], 3);
+  EXPECT_EQ(table["simulated"], true);
+  ASSERT_EQ(table["thresholds"].size(), 31U);
+  const auto& last = table["thresholds"][30];
+  EXPECT_NEAR(last["volume_mean_m3"].get<double>(), kTruth_m3, kTolerance_m3);
+  EXPECT_GT(last["rsd_percent"].get<double>(), 0) << "every measurement had the same noise";
+  EXPECT_LT(last["rsd_percent"].get<double>(), 0.6);  // the paper's bound
+  ASSERT_FALSE(table["plateau"].is_null()) << run.err;
+  EXPECT_NEAR(table["plateau"]["volume_m3"].get<double>(), kTruth_m3, kTolerance_m3);
+  EXPECT_THAT(run.err, AllOf(HasSubstr("stands still"), HasSubstr("stable from"), HasSubstr("the automatic rule")));
+  EXPECT_FALSE(ReadImage(folder / "study/sweep.png").empty());
+  EXPECT_GT(std::filesystem::file_size(folder / "study/sweep.csv"), 1000U);
+}
+
+TEST(GranaryctlScene, SweepsFilesAndMeasuresEachPairOnce) {
+  const CtlFolder folder;
+  ASSERT_EQ(folder.Run(Demo("reference")).exit_code, 0);
+  ASSERT_EQ(folder.Run(Demo("snapshot -o shots")).exit_code, 0);
+  const auto measured = folder.Run(Demo("measure --json --frames shots/left.png shots/right.png")).Document();
+  const ProgramRun run =
+      folder.Run(Demo("sweep --json --repeats 5 --from 0.004 --to 0.006 --step 0.0005 --frames shots/left.png "
+                      "shots/right.png"));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto table = run.Document();
+  EXPECT_EQ(table["repeats"], 1);
+  EXPECT_TRUE(table["thresholds"][0]["rsd_percent"].is_null());
+  EXPECT_EQ(table["automatic"]["volume_m3"], measured["volume_m3"]);
+  EXPECT_THAT(run.err, HasSubstr("the files make 1"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "sweep.png"));
+
+  // Without gnuplot the table is kept.
+  std::filesystem::remove(folder / "sweep.png");
+  std::filesystem::remove(folder / "sweep.csv");
+  const ProgramRun bare = folder.Run(Demo("sweep --json --frames shots/left.png shots/right.png"), "PATH=/nowhere");
+  EXPECT_EQ(bare.exit_code, 1);
+  EXPECT_THAT(bare.Document().value("error", ""), AllOf(HasSubstr("sweep.png is missing"), HasSubstr("gnuplot-nox")));
+  EXPECT_TRUE(std::filesystem::exists(folder / "sweep.csv"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "sweep.png"));
 }
 
 }  // namespace

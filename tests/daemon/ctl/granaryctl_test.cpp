@@ -80,7 +80,8 @@ TEST_F(Ctl, BadUsageExitsWithTwoAndLeavesStandardOutputAlone) {
        {"", "nonsense", "measure --nonsense", "disparity l.png r.png -o d.pfm",
         "disparity l.png --num-disparities 16 -o d.pfm", "disparity l.png r.png --num-disparities 0 -o d.pfm",
         "disparity l.png r.png --num-disparities many -o d.pfm", "registers --format pdf", "history --last -1",
-        "snapshot", "--bin one measure", "measure --threshold"}) {
+        "snapshot", "--bin one measure", "measure --threshold", "sweep --from much", "sweep --frames",
+        "sweep --volume"}) {
     const ProgramRun run = Run(arguments);
     EXPECT_EQ(run.exit_code, 2) << arguments;
     EXPECT_EQ(run.out, "") << arguments;
@@ -130,6 +131,24 @@ TEST_F(Ctl, TheNumberOfFilesMustFitTheRigs) {
 }
 TEST_F(Ctl, AThresholdMustBePositive) {
   EXPECT_THAT(Error("-c one.toml measure --threshold 0", 2), HasSubstr("--threshold"));
+}
+TEST_F(Ctl, ASweepNeedsARangeOfThresholds) {
+  EXPECT_THAT(Error("-c one.toml sweep --from 0", 2), HasSubstr("--from"));
+  EXPECT_THAT(Error("-c one.toml sweep --from 0.005 --to 0.004", 2), HasSubstr("--to"));
+  EXPECT_THAT(Error("-c one.toml sweep --step -1", 2), HasSubstr("--step"));
+  EXPECT_THAT(Error("-c one.toml sweep --step 1e-6", 2), HasSubstr("at most 1000"));
+}
+TEST_F(Ctl, ASweepNamesArgumentsThatCannotBe) {
+  EXPECT_THAT(Error("-c one.toml sweep --repeats 0", 2), HasSubstr("--repeats"));
+  EXPECT_THAT(Error("-c one.toml sweep --volume 0", 2), HasSubstr("--volume"));
+  EXPECT_THAT(Error("-c one.toml sweep --frames l.png r.png l.png", 2), HasSubstr("3 files; 2 are wanted"));
+  EXPECT_THAT(Error("-c one.toml sweep --frames l.png r.png --ambient l.png", 2), HasSubstr("--ambient"));
+  EXPECT_THAT(Error("-c one.toml sweep --ambient l.png r.png", 2), HasSubstr("--ambient goes with --frames"));
+}
+TEST_F(Ctl, ASweepRefusesAMeasurementThatIsInvalidWithItsReason) {
+  EXPECT_THAT(Error("-c one.toml sweep --frames black.png black.png", 1),
+              AllOf(HasSubstr("measurement 1 of 1"), HasSubstr("dark")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "sweep.csv"));
 }
 TEST_F(Ctl, AStereoFileWithAMissingKeyIsNamed) {
   folder_.Write("stereo.yml", std::string(kStereo).replace(std::string(kStereo).find("K2:"), 3, "X2:"));

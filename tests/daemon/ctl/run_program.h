@@ -28,9 +28,10 @@ struct ProgramRun {
 class CtlFolder : public TemporaryFolder {
  public:
   /// @param arguments as typed in a shell that stands in this folder
-  [[nodiscard]] ProgramRun Run(const std::string& arguments) const {
+  /// @param environment further variables, "NAME=value"
+  [[nodiscard]] ProgramRun Run(const std::string& arguments, const std::string& environment = "") const {
     const std::string command = "cd '" + path().string() + "' && STATE_DIRECTORY='" + (*this / "state").string() +
-                                "' " + GRANARYCTL + " " + arguments + " >out.txt 2>err.txt";
+                                "' " + environment + " " + GRANARYCTL + " " + arguments + " >out.txt 2>err.txt";
     const int status = std::system(command.c_str());
     ProgramRun run;
     if (WIFEXITED(status)) run.exit_code = WEXITSTATUS(status);

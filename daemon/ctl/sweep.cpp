@@ -1,0 +1,178 @@
+// granaryctl sweep: the paper's study of the edge limit. Each repeat is measured once, with the automatic limit; its
+// triangles then give the volume at every threshold.
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "daemon/ctl/command.h"
+#include "daemon/ctl/gnuplot.h"
+#include "daemon/ctl/setup.h"
+#include "daemon/ctl/sweep_plot.h"
+#include "daemon/ctl/sweep_table.h"
+#include "drivers/rig.h"
+#include "pipeline/edge_sweep.h"
+#include "pipeline/file_bytes.h"
+#include "pipeline/file_error.h"
+
+namespace granary {
+namespace {
+
+constexpr int kUsualRepeats = 10;  // as in the paper
+
+struct SweepArguments {
+  double from_m = 0.0025, to_m = 0.0055, step_m = 0.0001;
+  std::optional<int> repeats;
+  std::optional<double> volume_m3;
+  FrameFiles files;
+  std::string rig;
+  std::string folder = ".";
+};
+
+/// Gives the pairs of repeat `index`, one for each rig.
+struct Source {
+  std::size_t repeats = 0;
+  std::function<std::vector<FramePair>(std::size_t index)> take;
+};
+
+/// All rigs stay open between the repeats: a simulated one that is opened again would give the same noise again.
+Source FromCameras(const ChosenBin& bin, std::size_t repeats) {
+  const auto rigs = std::make_shared<std::vector<Rig>>();
+  for (const ChosenRig& rig : bin.rigs) {
+    RigOptions options = rig.options;
+    if (rig.Simulated() && options.sim.motion != SimMotion::kStill) {
+      Say("rig " + options.name + ": the simulated grain stands still for the sweep");
+      options.sim.motion = SimMotion::kStill;
+    }
+    rigs->push_back(OpenRig(options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left}));
+  }
+  return {repeats, [rigs](std::size_t) {
+            std::vector<FramePair> pairs;
+            for (Rig& rig : *rigs) pairs.push_back(rig.CapturePair());
+            return pairs;
+          }};
+}
+
+Source FromFiles(const ChosenBin& bin, const FrameFiles& files, std::optional<std::size_t> wanted) {
+  const std::size_t a_repeat = 2 * bin.rigs.size(), given = files.frames.size() / a_repeat;
+  if (files.frames.size() % a_repeat != 0) {
+    throw UsageError("--frames: " + std::to_string(files.frames.size()) + " files; " + std::to_string(a_repeat) +
+                     " are wanted for each repeat, left and right of each rig");
+  }
+  if (!files.ambient.empty() && files.ambient.size() != files.frames.size()) {
+    throw UsageError("--ambient: as many files as --frames are wanted");
+  }
+  if (wanted && *wanted > given) {
+    Say("--repeats " + std::to_string(*wanted) + ": the files make " + std::to_string(given) +
+        "; each is measured once, since the same pictures give the same volume");
+  }
+  const auto part = [a_repeat](const std::vector<std::filesystem::path>& all, std::size_t index) {
+    if (all.empty()) return all;
+    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(index * a_repeat);
+    return std::vector<std::filesystem::path>(begin, begin + static_cast<std::ptrdiff_t>(a_repeat));
+  };
+  return {std::min(wanted.value_or(given), given), [&bin, &files, part](std::size_t index) {
+            return TakePairs(bin, {part(files.frames, index), part(files.ambient, index)});
+          }};
+}
+
+SweepRepeat SweepRun(const PipelineRun& run, const std::vector<double>& thresholds_m) {
+  return {SweepEdgeLimits(run.surface, thresholds_m), run.surface.edge_threshold_m, run.measurement.volume_m3.value()};
+}
+
+/// The table is kept when the plot cannot be drawn.
+void Save(const SweepTable& table, const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw FileError(folder, "the folder cannot be made: " + error.message());
+  WriteBytes(folder / "sweep.csv", SweepCsv(table));
+  try {
+    DrawPlot(SweepPlotScript(table), folder / "sweep.png");
+  } catch (const std::runtime_error& failure) {
+    throw std::runtime_error("sweep.csv is in " + folder.string() + ", sweep.png is missing: " + failure.what());
+  }
+  Say("sweep.csv and sweep.png are in " + folder.string());
+}
+
+int Sweep(const GlobalOptions& global, const SweepArguments& arguments) {
+  const auto thresholds_m = SweepThresholds(arguments.from_m, arguments.to_m, arguments.step_m);
+  if (arguments.repeats && *arguments.repeats < 1) throw UsageError("--repeats: at least 1 is wanted");
+  if (arguments.volume_m3 && !(*arguments.volume_m3 > 0 && std::isfinite(*arguments.volume_m3))) {
+    throw UsageError("--volume: the true volume in m³, larger than 0, is wanted");
+  }
+  const bool from_files = !arguments.files.frames.empty();
+  if (!from_files && !arguments.files.ambient.empty()) throw UsageError("--ambient goes with --frames");
+
+  ChosenBin bin = ChooseBin(global, arguments.rig);
+  bin.config.pipeline.surface.edge_threshold_m.reset();
+  std::optional<std::size_t> wanted;
+  if (arguments.repeats) wanted = static_cast<std::size_t>(*arguments.repeats);
+  const Source source =
+      from_files ? FromFiles(bin, arguments.files, wanted) : FromCameras(bin, wanted.value_or(kUsualRepeats));
+
+  std::vector<RigSetup> setups = bin.Setups();
+  for (std::size_t i = 0; i < setups.size(); ++i) setups[i].reference = ReferenceFor(bin, i, from_files);
+  const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
+  for (const std::string& note : pipeline.Notes()) Say(note);
+
+  std::vector<SweepRepeat> repeats;
+  UtcTime utc{};
+  bool simulated = false;
+  for (std::size_t i = 0; i < source.repeats; ++i) {
+    const PipelineRun run = pipeline.Run(source.take(i), bin.config.inventory);
+    const Measurement& m = run.measurement;
+    const std::string which = "measurement " + std::to_string(i + 1) + " of " + std::to_string(source.repeats);
+    if (!m.valid) throw std::runtime_error(which + ": " + std::string(InfoOf(m.reason).name) + ": " + m.detail);
+    Say(which + (m.simulated ? " (simulated)" : ""));
+    if (i == 0) utc = m.utc;
+    simulated = simulated || m.simulated;
+    repeats.push_back(SweepRun(run, thresholds_m));
+  }
+
+  SweepTable table = MakeSweepTable(repeats, GrainFloor_m2(bin.config.bin), arguments.volume_m3);
+  table.bin = bin.config.bin.id;
+  table.bin_name = bin.config.bin.name;
+  table.utc = utc;
+  table.simulated = simulated;
+  Say(SweepText(table));
+  Save(table, arguments.folder);
+  if (global.json) PrintJson(SweepJson(table));
+  return kDone;
+}
+
+}  // namespace
+
+void AddSweep(CLI::App& app, const GlobalOptions& global, Command& chosen) {
+  const auto arguments = std::make_shared<SweepArguments>();
+  CLI::App* command = app.add_subcommand("sweep", "the volume against the longest edge of a triangle: table and plot");
+  command->add_option("--from", arguments->from_m, "first threshold, metres")->capture_default_str()->type_name("M");
+  command->add_option("--to", arguments->to_m, "last threshold, metres")->capture_default_str()->type_name("M");
+  command->add_option("--step", arguments->step_m, "from one to the next, metres")
+      ->capture_default_str()
+      ->type_name("M");
+  command->add_option("--repeats", arguments->repeats, "measurements; 10 with the cameras, with files all pairs given")
+      ->type_name("N");
+  command->add_option("--volume", arguments->volume_m3, "true volume, m3: errors are shown")->type_name("M3");
+  command
+      ->add_option("--frames", arguments->files.frames,
+                   "left and right picture of each rig, once a repeat, in place of its cameras")
+      ->type_name("L R");
+  command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
+  command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
+  command->add_option("-o,--out", arguments->folder, "folder for sweep.csv and sweep.png, made when absent")
+      ->capture_default_str()
+      ->type_name("DIR");
+  command->callback([=, &global, &chosen] { chosen = [=, &global] { return Sweep(global, *arguments); }; });
+}
+
+}  // namespace granary
