@@ -39,8 +39,9 @@ inline constexpr double kPoseTurn_rad = 0.3e-3;
 
 // What the calibration of a pair from 10 or more good views of a board is worth where no covariance is stored: six
 // errors, independent of each other. They are those of simulated calibrations of the rig over the paper's box: 16 views
-// of 9×6 corners, 0.1 px of noise on each (tests/bench/uncertainty_coverage --modes). Corners are found to pixels, so
-// pixels carry over to other rigs.
+// of 9×6 corners, 0.1 px of noise on each (tests/bench/uncertainty_coverage --modes). There scale and offset go against
+// each other (1.0e-3 and 0.09 px, correlation −0.8); these two, independent, give the same volumes. Corners are found
+// to pixels, so pixels carry over to other rigs.
 inline constexpr double kDepthScale = 5.5e-4;        ///< the same share of every depth
 inline constexpr double kDisparityOffset_px = 0.05;  ///< the same everywhere
 inline constexpr double kDisparitySlope_px = 0.05;   ///< from left edge to right; from upper edge to lower
