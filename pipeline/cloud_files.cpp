@@ -66,24 +66,31 @@ std::vector<Eigen::Vector3f> VertexNormals(const Surface& surface) {
   return normals;
 }
 
+std::string PlyStart(std::size_t vertices) {
+  return "ply\nformat binary_little_endian 1.0\ncomment metres, world frame, z up\nelement vertex " +
+         std::to_string(vertices) + "\nproperty float x\nproperty float y\nproperty float z\n";
+}
+constexpr const char* kPlyColours = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+
 std::string PlyBytes(const Surface& surface, bool with_faces) {
   if (surface.interpolated.size() != surface.vertices_in_world.size()) {
     throw std::logic_error("surface: one interpolated flag a vertex is wanted");
   }
-  std::string bytes = "ply\nformat binary_little_endian 1.0\ncomment metres, world frame, z up\nelement vertex " +
-                      std::to_string(surface.vertices_in_world.size()) +
-                      "\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\n"
-                      "property float nz\nproperty uchar interpolated\n";
+  std::string bytes = PlyStart(surface.vertices_in_world.size()) +
+                      "property float nx\nproperty float ny\nproperty float nz\n" + kPlyColours +
+                      "property uchar interpolated\n";
   if (with_faces) {
     bytes += "element face " + std::to_string(surface.triangles.size()) + "\nproperty list uchar int vertex_indices\n";
   }
   bytes += "end_header\n";
   const std::vector<Eigen::Vector3f> normals = VertexNormals(surface);
-  bytes.reserve(bytes.size() + normals.size() * 25 + (with_faces ? surface.triangles.size() * 13 : 0));
+  bytes.reserve(bytes.size() + normals.size() * 28 + (with_faces ? surface.triangles.size() * 13 : 0));
   for (std::size_t i = 0; i < normals.size(); ++i) {
     for (int axis = 0; axis < 3; ++axis) Append(bytes, static_cast<float>(surface.vertices_in_world[i][axis]));
     for (int axis = 0; axis < 3; ++axis) Append(bytes, normals[i][axis]);
-    Append(bytes, static_cast<std::uint8_t>(surface.interpolated[i] != 0 ? 1 : 0));
+    const bool completed = surface.interpolated[i] != 0;
+    Append(bytes, completed ? kCompletedColour : kMeasuredColour);
+    Append(bytes, static_cast<std::uint8_t>(completed ? 1 : 0));
   }
   if (with_faces) {
     for (const auto& triangle : surface.triangles) {
@@ -155,6 +162,17 @@ cv::Mat ReadPfm(const fs::path& file) {
 
 void WritePlyCloud(const fs::path& file, const Surface& surface) { WriteBytes(file, PlyBytes(surface, false)); }
 void WritePlyMesh(const fs::path& file, const Surface& surface) { WriteBytes(file, PlyBytes(surface, true)); }
+
+void WritePlyPoints(const fs::path& file, std::span<const Eigen::Vector3f> points, std::span<const Rgb> colours) {
+  if (colours.size() != points.size()) throw FileError(file, "cannot be written: one colour a point is wanted");
+  std::string bytes = PlyStart(points.size()) + kPlyColours + "end_header\n";
+  bytes.reserve(bytes.size() + points.size() * 15);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) Append(bytes, points[i][axis]);
+    Append(bytes, colours[i]);
+  }
+  WriteBytes(file, bytes);
+}
 
 void WritePcd(const fs::path& file, const cv::Mat& points, const cv::Mat& noise_m) {
   if (points.type() != CV_32FC3 || points.empty()) {

@@ -2,9 +2,12 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 
+#include <Eigen/Core>
 #include <opencv2/core/mat.hpp>
 
+#include "pipeline/colours.h"
 #include "pipeline/surface.h"
 
 namespace granary {
@@ -17,12 +20,19 @@ void WritePfm(const std::filesystem::path& file, const cv::Mat& values);
 /// @throws FileError when it is no one-channel PFM or its size is not what its header says
 [[nodiscard]] cv::Mat ReadPfm(const std::filesystem::path& file);
 
-/// The surface's vertices as binary PLY: float x y z nx ny nz (metres, world frame), uchar interpolated (1 completed,
-/// 0 measured). A normal is the area-weighted mean of the triangles around; a vertex of no triangle points up.
+/// The surface's vertices as binary PLY: float x y z nx ny nz (metres, world frame), uchar red green blue
+/// (kMeasuredColour or kCompletedColour), uchar interpolated (1 completed, 0 measured). A normal is the area-weighted
+/// mean of the triangles around; a vertex of no triangle points up.
 /// @throws FileError
 void WritePlyCloud(const std::filesystem::path& file, const Surface& surface);
 /// WritePlyCloud and the faces. @throws FileError
 void WritePlyMesh(const std::filesystem::path& file, const Surface& surface);
+
+/// Any points as binary PLY: float x y z (metres, world frame), uchar red green blue.
+/// @param colours one a point
+/// @throws FileError
+void WritePlyPoints(const std::filesystem::path& file, std::span<const Eigen::Vector3f> points_in_world,
+                    std::span<const Rgb> colours);
 
 /// An organised cloud: one point a pixel.
 struct PcdCloud {

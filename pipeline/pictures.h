@@ -5,14 +5,27 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include "pipeline/removed.h"
 #include "pipeline/surface.h"
 #include "pipeline/types/bin.h"
 
 namespace granary {
 
-/// The grain's height over the floor seen from above: x to the right, y up, metres; the footprint outlined, excluded
-/// floor hatched, completed (not measured) grain dotted.
+/// The grain's height over the floor seen from above: x to the right, y up, metres; contour lines at round heights, the
+/// footprint outlined, excluded floor hatched, completed (not measured) grain dotted. Lines come from a smoothed copy;
+/// a surface that is flatter than its noise has none.
+/// @throws std::invalid_argument when the footprint has no corners; so do the next two
 [[nodiscard]] cv::Mat HeightPicture(const Surface& surface, const Bin& bin, const std::string& title);
+
+/// The surface seen obliquely in parallel projection, shaded by its triangles' normals: measured in the colour of
+/// grain, completed in blue. The bin's walls are drawn as edges, dashed where the grain hides them. Heights are not
+/// exaggerated.
+[[nodiscard]] cv::Mat MeshPicture(const Surface& surface, const Bin& bin, const std::string& title);
+
+/// The points of one rig seen from above: those kept faint, those removed in the colour of why, with their numbers.
+/// @param points_in_world, grain_mask what `removed` was found in
+[[nodiscard]] cv::Mat RemovedPicture(const cv::Mat& points_in_world, const cv::Mat& grain_mask,
+                                     const RemovedPoints& removed, const Bin& bin, const std::string& title);
 
 /// @param disparity_px H×W, CV_32FC1; not finite: grey
 [[nodiscard]] cv::Mat DisparityPicture(const cv::Mat& disparity_px, const std::string& title);

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 
 #include <opencv2/core.hpp>
@@ -17,7 +19,7 @@ constexpr double kTextScale = 0.55, kTitleScale = 0.75;
 constexpr int kTick = 6, kGap = 8, kTextHeight = 14;
 constexpr int kBarWidth = 22;
 constexpr int kBarArea = 130;  // bar, its numbers and its label
-const cv::Scalar kInk(40, 40, 40), kInvalid(205, 205, 205), kWhite(255, 255, 255);
+const cv::Scalar kInvalid(205, 205, 205), kWhite(255, 255, 255);
 
 int TextWidth(const std::string& text, double scale) {
   int baseline = 0;
@@ -26,15 +28,6 @@ int TextWidth(const std::string& text, double scale) {
 
 void DrawText(cv::Mat& picture, const std::string& text, cv::Point left_base, double scale, const cv::Scalar& colour) {
   cv::putText(picture, text, left_base, kFont, scale, colour, 1, cv::LINE_AA);
-}
-
-/// As many decimals as tell ticks `step` apart.
-std::string TickText(double value, double step) {
-  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 9);
-  if (std::abs(value) < step * 1e-6) value = 0;  // no "-0.0"
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
-  return text.data();
 }
 
 double StepOf(const std::vector<double>& ticks) { return ticks.size() > 1 ? ticks[1] - ticks[0] : 1; }
@@ -49,7 +42,7 @@ std::vector<PlacedTick> PlaceTicks(double at_start, double at_end, int length_px
       RoundTicks(std::min(at_start, at_end), std::max(at_start, at_end), std::max(2, length_px / spacing_px));
   std::vector<PlacedTick> ticks;
   for (const double value : values) {
-    ticks.push_back({(value - at_start) / (at_end - at_start), TickText(value, StepOf(values))});
+    ticks.push_back({(value - at_start) / (at_end - at_start), RoundText(value, StepOf(values))});
   }
   return ticks;
 }
@@ -107,18 +100,46 @@ void DrawVerticalAxis(cv::Mat& picture, const PlotAxis& axis, const cv::Rect& bo
 
 }  // namespace
 
-std::vector<double> RoundTicks(double low, double high, int count) {
-  if (!(high > low) || count < 1) return {low};
-  const double rough = (high - low) / count;
+double RoundStep(double rough) {
   const double power = std::pow(10, std::floor(std::log10(rough)));
   double step = 10 * power;
   for (const double factor : {5, 2, 1}) {
     if (factor * power >= rough * 0.999) step = factor * power;
   }
+  return step;
+}
+
+std::string RoundText(double value, double step) {
+  const int decimals = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 9);
+  if (std::abs(value) < step * 1e-6) value = 0;  // no "-0.0"
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  return text.data();
+}
+
+std::vector<double> RoundTicks(double low, double high, int count) {
+  if (!(high > low) || count < 1) return {low};
+  const double step = RoundStep((high - low) / count);
   std::vector<double> ticks;
   const double slack = 1e-9 * (high - low);
   for (double n = std::ceil((low - slack) / step); n * step <= high + slack; ++n) ticks.push_back(n * step);
   return ticks;
+}
+
+std::pair<double, double> FiniteRange(const cv::Mat& values, double low, double high) {
+  std::vector<float> finite;
+  finite.reserve(values.total());
+  for (const float value : cv::Mat_<float>(values)) {
+    if (std::isfinite(value)) finite.push_back(value);
+  }
+  if (finite.empty()) return {0, 1};
+  const auto at = [&](double share) {
+    const auto nth = finite.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(finite.size() - 1));
+    std::nth_element(finite.begin(), nth, finite.end());
+    return static_cast<double>(*nth);
+  };
+  const double first = at(low), last = at(high);
+  return last > first ? std::pair(first, last) : std::pair(first - 0.5, last + 0.5);
 }
 
 cv::Mat Colourise(const cv::Mat& values, const ColourBar& bar) {
@@ -141,6 +162,27 @@ cv::Mat Colourise(const cv::Mat& values, const ColourBar& bar) {
 void DrawCentredText(cv::Mat& picture, const std::string& text, cv::Point centre, const cv::Scalar& colour) {
   DrawText(picture, text, {centre.x - TextWidth(text, kTextScale) / 2, centre.y + kTextHeight / 2 - 2}, kTextScale,
            colour);
+}
+
+cv::Size TextSize(const std::string& text) { return {TextWidth(text, kTextScale), kTextHeight}; }
+
+cv::Mat AppendLegend(const cv::Mat& picture, std::span<const LegendEntry> entries) {
+  constexpr int kSquare = 14, kBetween = 26, kHeight = 34;
+  int width = kBetween;
+  for (const LegendEntry& entry : entries) width += kSquare + kGap + TextWidth(entry.text, kTextScale) + kBetween;
+  cv::Mat out;
+  cv::copyMakeBorder(picture, out, 0, kHeight, 0, std::max(0, width - picture.cols), cv::BORDER_CONSTANT, kWhite);
+  int x = (out.cols - width) / 2 + kBetween;
+  const int y = out.rows - kHeight + 4;
+  for (const LegendEntry& entry : entries) {
+    const cv::Rect square(x, y, kSquare, kSquare);
+    cv::rectangle(out, square, Bgr(entry.colour), cv::FILLED);
+    cv::rectangle(out, square, kInk, 1);
+    x += kSquare + kGap;
+    DrawText(out, entry.text, {x, y + kTextHeight - 2}, kTextScale, kInk);
+    x += TextWidth(entry.text, kTextScale) + kBetween;
+  }
+  return out;
 }
 
 cv::Mat FramePlot(const cv::Mat& body, const std::string& title, const std::optional<PlotAxis>& x,

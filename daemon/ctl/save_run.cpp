@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include <opencv2/core.hpp>
 
@@ -14,6 +15,7 @@
 #include "pipeline/file_error.h"
 #include "pipeline/frame_file.h"
 #include "pipeline/pictures.h"
+#include "pipeline/removed.h"
 
 namespace granary {
 namespace {
@@ -42,7 +44,7 @@ std::string GrainTitle(const cv::Mat& mask) {
   return text;
 }
 
-std::string HeightTitle(const Measurement& m, const Bin& bin) {
+std::string VolumeTitle(const Measurement& m, const Bin& bin) {
   std::string title = bin.name.empty() ? "bin " + std::to_string(bin.id) : bin.name;
   title += ", " + UtcText(m.utc);
   char figures[80] = "";
@@ -52,7 +54,16 @@ std::string HeightTitle(const Measurement& m, const Bin& bin) {
   return title;
 }
 
-void SaveView(const fs::path& folder, const std::string& prefix, const RigView& view) {
+void SaveRemoved(const fs::path& picture_file, const fs::path& cloud_file, const RigView& view, const Bin& bin) {
+  const RemovedPoints removed = FindRemoved(view.points_in_world, view.grain_mask, bin);
+  SaveFrame(picture_file,
+            RemovedPicture(view.points_in_world, view.grain_mask, removed, bin, "points removed, seen from above"));
+  std::vector<Rgb> colours;
+  for (const Removal why : removed.why) colours.push_back(ColourOf(why));
+  WritePlyPoints(cloud_file, removed.points_in_world, colours);
+}
+
+void SaveView(const fs::path& folder, const std::string& prefix, const RigView& view, const Bin& bin) {
   const auto named = [&](const char* name) { return folder / (prefix + name); };
   if (!view.left.empty() && !view.right.empty()) {
     SaveFrame(named("rectified.png"), RectifiedPicture(view.left, view.right));
@@ -67,6 +78,9 @@ void SaveView(const fs::path& folder, const std::string& prefix, const RigView& 
   if (!view.grain_mask.empty() && !view.left.empty()) {
     SaveFrame(named("grain.png"), MaskPicture(view.left, view.grain_mask, GrainTitle(view.grain_mask)));
   }
+  if (!view.points_in_world.empty() && !view.grain_mask.empty()) {
+    SaveRemoved(named("removed.png"), named("removed.ply"), view, bin);
+  }
 }
 
 }  // namespace
@@ -76,19 +90,20 @@ void SaveRun(const fs::path& folder, const ChosenBin& bin, const PipelineRun& ru
   for (std::size_t i = 0; i < bin.rigs.size(); ++i) {
     const std::string prefix = bin.rigs.size() > 1 ? bin.rigs[i].options.name + "_" : "";
     for (const char* name : {"rectified.png", "left_rectified.png", "right_rectified.png", "disparity.png",
-                             "disparity.pfm", "cloud.pcd", "grain.png"}) {
+                             "disparity.pfm", "cloud.pcd", "grain.png", "removed.png", "removed.ply"}) {
       std::error_code ignored;
       fs::remove(folder / (prefix + name), ignored);
     }
-    if (i < run.rigs.size()) SaveView(folder, prefix, run.rigs[i]);
+    if (i < run.rigs.size()) SaveView(folder, prefix, run.rigs[i], bin.config.bin);
   }
-  for (const char* name : {"height.png", "cloud.ply", "mesh.ply"}) {
+  for (const char* name : {"height.png", "mesh.png", "cloud.ply", "mesh.ply"}) {
     std::error_code ignored;
     fs::remove(folder / name, ignored);
   }
   if (!run.surface.Empty()) {
-    SaveFrame(folder / "height.png",
-              HeightPicture(run.surface, bin.config.bin, HeightTitle(run.measurement, bin.config.bin)));
+    const std::string title = VolumeTitle(run.measurement, bin.config.bin);
+    SaveFrame(folder / "height.png", HeightPicture(run.surface, bin.config.bin, title));
+    SaveFrame(folder / "mesh.png", MeshPicture(run.surface, bin.config.bin, title));
     WritePlyCloud(folder / "cloud.ply", run.surface);
     WritePlyMesh(folder / "mesh.ply", run.surface);
   }

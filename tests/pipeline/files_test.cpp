@@ -300,25 +300,52 @@ TEST(WritePlyMesh, LaysOutWhatItsHeaderSays) {
   EXPECT_THAT(bytes, testing::StartsWith("ply\nformat binary_little_endian 1.0\n"));
   EXPECT_THAT(bytes,
               HasSubstr("element vertex 5\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
-                        "property float ny\nproperty float nz\nproperty uchar interpolated\n"
+                        "property float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\n"
+                        "property uchar blue\nproperty uchar interpolated\n"
                         "element face 2\nproperty list uchar int vertex_indices\nend_header\n"));
   const std::size_t data = bytes.find("end_header\n") + 11;
-  ASSERT_EQ(bytes.size(), data + 5 * 25 + 2 * 13);
-  EXPECT_EQ(FloatAt(bytes, data + 25), 1.0F);           // x of vertex 1
-  EXPECT_EQ(FloatAt(bytes, data + 25 + 8), 0.1F);       // z
-  EXPECT_EQ(FloatAt(bytes, data + 25 + 20), 1.0F);      // nz: counter-clockwise from above points up
-  EXPECT_EQ(bytes[data + 2 * 25 + 24], 1);              // vertex 2 was completed
-  EXPECT_EQ(FloatAt(bytes, data + 4 * 25 + 20), 1.0F);  // a vertex of no triangle points up
-  const std::size_t faces = data + 5 * 25;
+  ASSERT_EQ(bytes.size(), data + 5 * 28 + 2 * 13);
+  EXPECT_EQ(FloatAt(bytes, data + 28), 1.0F);           // x of vertex 1
+  EXPECT_EQ(FloatAt(bytes, data + 28 + 8), 0.1F);       // z
+  EXPECT_EQ(FloatAt(bytes, data + 28 + 20), 1.0F);      // nz: counter-clockwise from above points up
+  EXPECT_EQ(bytes[data + 2 * 28 + 27], 1);              // vertex 2 was completed
+  EXPECT_EQ(FloatAt(bytes, data + 4 * 28 + 20), 1.0F);  // a vertex of no triangle points up
+  const std::size_t faces = data + 5 * 28;
   EXPECT_EQ(bytes[faces], 3);
   EXPECT_EQ(bytes.substr(faces + 14, 12), std::string("\0\0\0\0\2\0\0\0\3\0\0\0", 12));
+}
+std::string ColourBytes(const Rgb& colour) { return {colour.begin(), colour.end()}; }
+TEST(WritePlyMesh, ColoursMeasuredAndCompletedVertices) {
+  const TemporaryFolder folder;
+  WritePlyMesh(folder / "m.ply", TwoTriangles());
+  const std::string bytes = TemporaryFolder::Read(folder / "m.ply");
+  const std::size_t data = bytes.find("end_header\n") + 11;
+  EXPECT_EQ(bytes.substr(data + 1 * 28 + 24, 3), ColourBytes(kMeasuredColour));
+  EXPECT_EQ(bytes.substr(data + 2 * 28 + 24, 3), ColourBytes(kCompletedColour));
 }
 TEST(WritePlyCloud, HasNoFaces) {
   const TemporaryFolder folder;
   WritePlyCloud(folder / "c.ply", TwoTriangles());
   const std::string bytes = TemporaryFolder::Read(folder / "c.ply");
   EXPECT_THAT(bytes, testing::Not(HasSubstr("face")));
-  EXPECT_EQ(bytes.size(), bytes.find("end_header\n") + 11 + 5 * 25);
+  EXPECT_EQ(bytes.size(), bytes.find("end_header\n") + 11 + 5 * 28);
+}
+TEST(WritePlyPoints, WritesPlacesAndColours) {
+  const TemporaryFolder folder;
+  const std::vector<Eigen::Vector3f> points{{1, 2, 3}, {4, 5, 6}};
+  const std::vector<Rgb> colours{{1, 2, 3}, {250, 128, 0}};
+  WritePlyPoints(folder / "p.ply", points, colours);
+  const std::string bytes = TemporaryFolder::Read(folder / "p.ply");
+  EXPECT_THAT(bytes, HasSubstr("element vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+                               "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"));
+  const std::size_t data = bytes.find("end_header\n") + 11;
+  EXPECT_EQ(bytes.substr(data), FloatBytes(1) + FloatBytes(2) + FloatBytes(3) + ColourBytes(colours[0]) +
+                                    FloatBytes(4) + FloatBytes(5) + FloatBytes(6) + ColourBytes(colours[1]));
+}
+TEST(WritePlyPoints, WantsOneColourAPoint) {
+  const TemporaryFolder folder;
+  const std::vector<Eigen::Vector3f> points{{1, 2, 3}};
+  EXPECT_THAT(FaultOf([&] { WritePlyPoints(folder / "p.ply", points, {}); }), HasSubstr("one colour a point"));
 }
 TEST(WritePlyMesh, AnEmptySurfaceIsAnEmptyFile) {
   const TemporaryFolder folder;

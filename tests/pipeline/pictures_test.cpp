@@ -1,7 +1,6 @@
-// The pictures show what they are given where they should: checked by looking at single pixels.
-#include <cmath>
+// Pictures of what a camera saw show what they are given where they should: checked by looking at single pixels.
+#include <array>
 #include <limits>
-#include <numbers>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -22,41 +21,6 @@ using testing::DoubleNear;
 using testing::Pointwise;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-Bin PaperBox() {
-  Bin bin;
-  bin.footprint_m = {{0, 0}, {0.52, 0}, {0.52, 0.355}, {0, 0.355}};
-  bin.height_m = 0.285;
-  return bin;
-}
-
-/// A grid over the box, `height(x, y)` metres; completed where x exceeds `completed_from_m`.
-template <typename Height>
-Surface Grid(Height&& height, double completed_from_m) {
-  Surface surface;
-  constexpr int kColumns = 53, kRows = 36;
-  for (int row = 0; row < kRows; ++row) {
-    for (int col = 0; col < kColumns; ++col) {
-      const double x = 0.52 * col / (kColumns - 1), y = 0.355 * row / (kRows - 1);
-      surface.vertices_in_world.emplace_back(x, y, height(x, y));
-      surface.height_m.push_back(height(x, y));
-      surface.interpolated.push_back(x > completed_from_m ? 1 : 0);
-    }
-  }
-  for (std::uint32_t row = 0; row + 1 < kRows; ++row) {
-    for (std::uint32_t col = 0; col + 1 < kColumns; ++col) {
-      const std::uint32_t at = row * kColumns + col;
-      for (const auto& triangle :
-           {std::array{at, at + 1, at + kColumns + 1}, std::array{at, at + kColumns + 1, at + kColumns}}) {
-        surface.triangles.push_back(triangle);
-        std::uint8_t completed = 0;
-        for (const std::uint32_t vertex : triangle) completed |= surface.interpolated[vertex];
-        surface.triangle_interpolated.push_back(completed);
-      }
-    }
-  }
-  return surface;
-}
 
 /// Every colour that occurs.
 std::set<std::array<int, 3>> Colours(const cv::Mat& picture) {
@@ -89,43 +53,6 @@ TEST(Colourise, ValuesBeyondTheBarTakeItsEnds) {
   const cv::Mat picture = Colourise((cv::Mat_<float>(1, 4) << -9, 0, 1, 9), {0, 1, "", cv::COLORMAP_VIRIDIS});
   EXPECT_EQ(picture.at<cv::Vec3b>(0, 0), picture.at<cv::Vec3b>(0, 1));
   EXPECT_EQ(picture.at<cv::Vec3b>(0, 2), picture.at<cv::Vec3b>(0, 3));
-}
-
-TEST(HeightPicture, IsWiderThanTallForAWideBox) {
-  const cv::Mat picture = HeightPicture(Grid([](double, double) { return 0.1; }, 1), PaperBox(), "flat");
-  EXPECT_EQ(picture.type(), CV_8UC3);
-  EXPECT_GT(picture.cols, picture.rows);
-}
-TEST(HeightPicture, HighGrainIsYellowAndLowGrainIsViolet) {
-  // The body begins 90 px right and 52 px down, the footprint 24 px further; x runs right, y runs up.
-  const cv::Mat picture = HeightPicture(Grid([](double x, double) { return x / 4; }, 1), PaperBox(), "ramp");
-  const int middle = 52 + 24 + 300;
-  const cv::Vec3b left = picture.at<cv::Vec3b>(middle, 90 + 24 + 20),
-                  right = picture.at<cv::Vec3b>(middle, 90 + 24 + 880);
-  EXPECT_GT(right[2], 200);  // red share of viridis' yellow end
-  EXPECT_LT(left[2], 90);    // and of its violet end
-}
-TEST(HeightPicture, NorthIsUp) {
-  const cv::Mat picture = HeightPicture(Grid([](double, double y) { return y; }, 1), PaperBox(), "ramp");
-  EXPECT_GT(picture.at<cv::Vec3b>(52 + 24 + 20, 500)[2], picture.at<cv::Vec3b>(52 + 24 + 590, 500)[2]);
-}
-TEST(HeightPicture, CompletedGrainIsDotted) {
-  const auto flat = [](double, double) { return 0.1; };
-  const cv::Mat measured = HeightPicture(Grid(flat, 1), PaperBox(), "t");
-  const cv::Mat completed = HeightPicture(Grid(flat, 0.26), PaperBox(), "t");
-  // Half of 900 x 614 px, one pixel in nine dotted: some 30 000 more white pixels.
-  EXPECT_GT(CountOf(completed, {255, 255, 255}), CountOf(measured, {255, 255, 255}) + 25'000);
-}
-TEST(HeightPicture, FloorWithoutGrainIsGrey) {
-  EXPECT_GT(CountOf(HeightPicture(Surface{}, PaperBox(), "empty"), {205, 205, 205}), 500'000);
-}
-TEST(HeightPicture, ExcludedFloorIsHatched) {
-  Bin bin = PaperBox();
-  bin.exclude_m = {{{0.1, 0.1}, {0.2, 0.1}, {0.2, 0.2}, {0.1, 0.2}}};
-  EXPECT_GT(CountOf(HeightPicture(Surface{}, bin, "t"), {90, 90, 90}), 5'000);
-}
-TEST(HeightPicture, FootprintWithoutCornersIsRefused) {
-  EXPECT_THROW(static_cast<void>(HeightPicture(Surface{}, Bin{}, "t")), std::invalid_argument);
 }
 
 TEST(DisparityPicture, InvalidPixelsAreGrey) {
