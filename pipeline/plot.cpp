@@ -171,7 +171,8 @@ cv::Mat AppendLegend(const cv::Mat& picture, std::span<const LegendEntry> entrie
   int width = kBetween;
   for (const LegendEntry& entry : entries) width += kSquare + kGap + TextWidth(entry.text, kTextScale) + kBetween;
   cv::Mat out;
-  cv::copyMakeBorder(picture, out, 0, kHeight, 0, std::max(0, width - picture.cols), cv::BORDER_CONSTANT, kWhite);
+  const int more = std::max(0, width - picture.cols);
+  cv::copyMakeBorder(picture, out, 0, kHeight, more / 2, more - more / 2, cv::BORDER_CONSTANT, kWhite);
   int x = (out.cols - width) / 2 + kBetween;
   const int y = out.rows - kHeight + 4;
   for (const LegendEntry& entry : entries) {

@@ -56,7 +56,8 @@ struct LegendEntry {
   Rgb colour{};
   std::string text;
 };
-/// `picture` with a line of coloured squares and what they stand for below it; widened when they need more room.
+/// `picture` with a line of coloured squares and what they stand for below it; widened on both sides when they need
+/// more room.
 [[nodiscard]] cv::Mat AppendLegend(const cv::Mat& picture, std::span<const LegendEntry> entries);
 
 /// `body` (CV_8UC3) on white with what is given drawn around it.

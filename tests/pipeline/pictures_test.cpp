@@ -98,6 +98,22 @@ TEST(MaskPicture, SizesMustAgree) {
       static_cast<void>(MaskPicture(cv::Mat(4, 4, CV_8UC1, cv::Scalar(0)), cv::Mat(5, 5, CV_8UC1, cv::Scalar(0)), "t")),
       std::invalid_argument);
 }
+TEST(AppendLegend, ShowsEveryColourBelowThePicture) {
+  const cv::Mat picture(40, 500, CV_8UC3, cv::Scalar(0, 0, 0));
+  const std::vector<LegendEntry> entries{{{10, 20, 30}, "one"}, {{200, 100, 50}, "two"}};
+  const cv::Mat legend = AppendLegend(picture, entries);
+  EXPECT_GT(legend.rows, picture.rows);
+  EXPECT_GT(CountOf(legend, {30, 20, 10}), 100);
+  EXPECT_GT(CountOf(legend, {50, 100, 200}), 100);
+}
+TEST(AppendLegend, IsWidenedOnBothSides) {
+  const cv::Mat picture(40, 50, CV_8UC3, cv::Scalar(0, 0, 0));
+  const std::vector<LegendEntry> entries{{{10, 20, 30}, std::string(40, 'W')}};
+  const cv::Mat legend = AppendLegend(picture, entries);
+  EXPECT_EQ(legend.at<cv::Vec3b>(20, 0), cv::Vec3b(255, 255, 255));
+  EXPECT_EQ(legend.at<cv::Vec3b>(20, legend.cols / 2), cv::Vec3b(0, 0, 0));
+  EXPECT_EQ(legend.at<cv::Vec3b>(20, legend.cols - 1), cv::Vec3b(255, 255, 255));
+}
 TEST(FramePlot, IsWidenedForALongTitle) {
   const cv::Mat body(50, 50, CV_8UC3, cv::Scalar(0, 0, 0));
   EXPECT_GT(FramePlot(body, std::string(60, 'W'), std::nullopt, std::nullopt, std::nullopt).cols, 600);
