@@ -55,6 +55,21 @@ const Section<Inventory>& InventorySection() {
   return section;
 }
 
+const Section<GrainKind>& GrainSection() {
+  using T = GrainKind;
+  static const Section<T> section{
+      {Value<T>("name", &T::name, "", "For people, e.g. \"wheat\".").Allowed("any text"),
+       Value<T>("surface_offset_m", &T::surface_offset_m, "m",
+                "How far above the true height the cameras see the kernels' surface; taken off before the volume. "
+                "`granaryctl grain-offset` finds it. Unset: nothing is taken off, and the uncertainty covers it."),
+       Value<T>("surface_offset_u95_m", &T::surface_offset_u95_m, "m",
+                "Expanded uncertainty (k = 2) of it. Unset: half of it."),
+       Value<T>("angle_of_repose_deg", &T::angle_of_repose_deg, "degrees",
+                "Steepest slope of a surface made up where nothing was seen. Unset: 45.")},
+      [](const T& grain) { return Faults(grain); }};
+  return section;
+}
+
 const Section<CycleOptions>& CycleSection() {
   using T = CycleOptions;
   static const Section<T> section{
@@ -123,6 +138,7 @@ const Section<QualityOptions>& QualitySection() {
 
 std::vector<std::string> BinFaults(const BinConfig& config) {
   std::vector<std::string> faults = Faults(config.bin);
+  if (config.shots < 1 || config.shots > 20) faults.emplace_back("shots: must be 1 to 20");
   if (config.rigs.empty()) faults.emplace_back("rig: is missing; must be at least one [[bin.rig]]");
   for (std::size_t i = 0; i < config.rigs.size(); ++i) {
     const auto same_name = [&](const RigOptions& rig) { return rig.name == config.rigs[i].name; };
@@ -159,7 +175,13 @@ const Section<BinConfig>& BinSection() {
            "exclude_m", [](auto& t) -> auto& { return t.bin.exclude_m; }, "m",
            "Polygons on the floor that hold no grain (pillars, ducts); their column is no part of the volume.")
            .Allowed("polygons inside the footprint that do not overlap"),
-       ScheduleKey(), Table<T>("inventory", &T::inventory, InventorySection(), "Book data."),
+       ScheduleKey(),
+       Value<T>("shots", &T::shots, "",
+                "Pairs of frames a rig that one measurement takes and fuses; with 2 or more, what moves is noticed.")
+           .Allowed("1 to 20"),
+       Table<T>(
+           "grain", [](auto& t) -> auto& { return t.bin.grain; }, GrainSection(), "What lies in the bin."),
+       Table<T>("inventory", &T::inventory, InventorySection(), "Book data."),
        Table<T>("cycle", &T::cycle, CycleSection(), "Repeats and gates of one measuring cycle."),
        Table<T>(
            "stereo", [](auto& t) -> auto& { return t.pipeline.stereo; }, StereoSection(), "The stereo matcher."),

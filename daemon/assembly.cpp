@@ -81,6 +81,7 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   setup.bin = options.bin;
   setup.schedule = options.schedule;
   setup.cycle = options.cycle;
+  setup.shots = options.shots;
   setup.simulated = true;
   // Asked once here, so that an unknown time zone is refused now and not in the worker.
   static_cast<void>(FirstRun(options.schedule, UtcTime{}));
@@ -112,7 +113,7 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   setup.configuration_hash = hash;
 
   if (refusal.reason != Reason::kOk) {
-    setup.measure = [refusal](const std::vector<FramePair>&) {
+    setup.measure = [refusal](const std::vector<Shot>&) {
       Measurement verdict;
       verdict.reason = refusal.reason;
       verdict.detail = refusal.detail;
@@ -122,8 +123,8 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   }
   auto pipeline = std::make_shared<const Pipeline>(options.bin, std::move(rigs), options.pipeline);
   for (const auto& note : pipeline->Notes()) spdlog::warn("bin {} {}: {}", options.bin.id, options.bin.name, note);
-  setup.measure = [pipeline, inventory = options.inventory](const std::vector<FramePair>& pairs) {
-    return pipeline->Run(pairs, inventory, SteadyMilliseconds).measurement;
+  setup.measure = [pipeline, inventory = options.inventory](const std::vector<Shot>& shots) {
+    return pipeline->RunShots(shots, inventory, SteadyMilliseconds).measurement;
   };
   return setup;
 }

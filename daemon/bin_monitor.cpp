@@ -81,7 +81,8 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
   steps.measure = setup_.measure;
   steps.publish = [this](const Measurement& measurement) { Finish(measurement); };
   steps.entered = [this](CycleState state) {
-    progress_.Promise(clock_.Steady(), DeadlineOf(state, setup_.cycle, slots_.size()));
+    progress_.Promise(clock_.Steady(),
+                      DeadlineOf(state, setup_.cycle, slots_.size() * static_cast<std::size_t>(setup_.shots)));
     spdlog::debug("{}: {}", NameOf(setup_.bin), granary::NameOf(state));
   };
   cycle_.emplace(setup_.cycle, std::move(steps), clock_, good);
@@ -108,14 +109,19 @@ bool BinMonitor::RunCycle(const std::stop_token& stop) {
   return published;
 }
 
-std::vector<FramePair> BinMonitor::Capture() {
-  std::vector<FramePair> pairs;
-  // One rig after the other: two projectors at once would each disturb the other's speckle.
-  for (auto& slot : slots_) {
-    pairs.push_back(slot.Capture());
-    if (slot.options().projector.driver != ProjectorDriver::kNone) Update([](BinSnapshot& s) { ++s.projector_pulses; });
+std::vector<Shot> BinMonitor::Capture() {
+  std::vector<Shot> shots;
+  for (int k = 0; k < setup_.shots; ++k) {
+    Shot& shot = shots.emplace_back();
+    // One rig after the other: two projectors at once would each disturb the other's speckle.
+    for (auto& slot : slots_) {
+      shot.push_back(slot.Capture());
+      if (slot.options().projector.driver != ProjectorDriver::kNone) {
+        Update([](BinSnapshot& s) { ++s.projector_pulses; });
+      }
+    }
   }
-  return pairs;
+  return shots;
 }
 
 void BinMonitor::Finish(const Measurement& measurement) {
@@ -153,7 +159,7 @@ void BinMonitor::Log(const BinSnapshot& snapshot) {
 }
 
 void BinMonitor::Idle(std::optional<UtcTime> next_at) {
-  progress_.Promise(clock_.Steady(), DeadlineOf(CycleState::kIdle, setup_.cycle, slots_.size()));
+  progress_.Promise(clock_.Steady(), DeadlineOf(CycleState::kIdle, setup_.cycle, 1));
   for (auto& slot : slots_) {
     if (slot.ReopenIfDue()) spdlog::info("{}: rig {} is open again", NameOf(setup_.bin), slot.options().name);
   }

@@ -29,8 +29,9 @@ struct BinSetup {
   ScheduleOptions schedule;
   CycleOptions cycle;
   std::vector<RigPlan> rigs;
-  /// The pipeline over one pair a rig.
-  std::function<Measurement(const std::vector<FramePair>&)> measure;
+  int shots = 1;  ///< a measurement
+  /// The pipeline over the shots of one measurement.
+  std::function<Measurement(const std::vector<Shot>&)> measure;
   bool simulated = false;                ///< its frames come from the simulator
   std::uint32_t configuration_hash = 0;  ///< configuration + calibration + reference
 };
@@ -65,7 +66,7 @@ class BinMonitor {
   [[nodiscard]] const BinSetup& setup() const { return setup_; }
 
  private:
-  [[nodiscard]] std::vector<FramePair> Capture();
+  [[nodiscard]] std::vector<Shot> Capture();
   void Finish(const Measurement& measurement);
   void Log(const BinSnapshot& snapshot);
   /// Changes the snapshot and publishes it as one step, so that publishers see the changes in order.

@@ -21,9 +21,11 @@ double Milliseconds(std::chrono::steady_clock::duration duration) {
 }
 
 /// Start of the first exposure; `otherwise` where the frames (from files) do not know it.
-UtcTime ExposureStart(const std::vector<FramePair>& pairs, UtcTime otherwise) {
+UtcTime ExposureStart(const std::vector<Shot>& shots, UtcTime otherwise) {
   UtcTime first = UtcTime::max();
-  for (const auto& pair : pairs) first = std::min(first, pair.left.exposure_start);
+  for (const Shot& shot : shots) {
+    for (const auto& pair : shot) first = std::min(first, pair.left.exposure_start);
+  }
   return first == UtcTime::max() || first == UtcTime{} ? otherwise : first;
 }
 
@@ -87,7 +89,7 @@ void Cycle::Capture() {
   began_ = clock_.Now();
   const auto start = clock_.Steady();
   try {
-    pairs_ = steps_.capture();
+    shots_ = steps_.capture();
   } catch (const DeviceError& error) {
     Fail(error.reason(), error.what());
     return Enter(CycleState::kGating);
@@ -98,17 +100,19 @@ void Cycle::Capture() {
 
 void Cycle::Measure() {
   try {
-    outcome_ = steps_.measure(pairs_);
+    outcome_ = steps_.measure(shots_);
     outcome_.timings_ms.capture = capture_ms_;
     outcome_.timings_ms.total += capture_ms_;
-    outcome_.utc = ExposureStart(pairs_, began_);
-    outcome_.simulated = std::any_of(pairs_.begin(), pairs_.end(), [](const auto& pair) { return pair.Simulated(); });
+    outcome_.utc = ExposureStart(shots_, began_);
+    outcome_.simulated = std::any_of(shots_.begin(), shots_.end(), [](const Shot& shot) {
+      return std::any_of(shot.begin(), shot.end(), [](const auto& pair) { return pair.Simulated(); });
+    });
   } catch (const std::logic_error&) {
     throw;  // a bug: the process ends and is started anew
   } catch (const std::exception& error) {
     Fail(Reason::kInternal, error.what());
   }
-  pairs_.clear();
+  shots_.clear();
   Enter(CycleState::kGating);
 }
 

@@ -31,10 +31,10 @@ enum class CycleState : std::uint8_t { kIdle, kCapturing, kMeasuring, kGating, k
 
 /// What a cycle does to the outside.
 struct CycleSteps {
-  /// One pair a rig. @throws DeviceError
-  std::function<std::vector<FramePair>()> capture;
+  /// One or more shots, each one pair a rig. @throws DeviceError
+  std::function<std::vector<Shot>()> capture;
   /// The pipeline's verdict. An exception that is no logic_error becomes kInternal.
-  std::function<Measurement(const std::vector<FramePair>&)> measure;
+  std::function<Measurement(const std::vector<Shot>&)> measure;
   /// Takes the end of the cycle: a valid measurement, or the reason why there is none.
   std::function<void(const Measurement&)> publish;
   /// Told of every state entered.
@@ -71,7 +71,7 @@ class Cycle {
   ChangeGate gate_;
   CycleState state_ = CycleState::kIdle;
   int attempt_ = 0;
-  std::vector<FramePair> pairs_;
+  std::vector<Shot> shots_;
   double capture_ms_ = 0;
   UtcTime began_{};
   Measurement outcome_;

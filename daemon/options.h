@@ -35,6 +35,7 @@ struct BinConfig {
   Inventory inventory;
   ScheduleOptions schedule;
   CycleOptions cycle;
+  int shots = 1;  ///< pairs of frames a rig that are fused into one measurement
   PipelineOptions pipeline;
   std::vector<RigOptions> rigs;
 };

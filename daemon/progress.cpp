@@ -3,9 +3,9 @@
 
 namespace granary {
 
-std::chrono::milliseconds DeadlineOf(CycleState state, const CycleOptions& options, std::size_t rigs) {
+std::chrono::milliseconds DeadlineOf(CycleState state, const CycleOptions& options, std::size_t pairs) {
   using std::chrono::seconds;
-  const auto count = static_cast<int>(rigs < 1 ? 1 : rigs);
+  const auto count = static_cast<int>(pairs < 1 ? 1 : pairs);
   switch (state) {
     case CycleState::kCapturing:
       return count * seconds{60};  // opening a network camera and its retries take several seconds each

@@ -10,7 +10,7 @@ namespace granary {
 
 /// Longest silence allowed after entering `state`: a worker that is quiet for longer hangs. kIdle is short however long
 /// the schedule is, because an idle worker looks up every second.
-[[nodiscard]] std::chrono::milliseconds DeadlineOf(CycleState state, const CycleOptions& options, std::size_t rigs);
+[[nodiscard]] std::chrono::milliseconds DeadlineOf(CycleState state, const CycleOptions& options, std::size_t pairs);
 
 /// A worker's promise to be heard of again. Any thread.
 class Progress {

@@ -56,6 +56,18 @@ void ForEachField(Record& m, Visit visit) {
   visit("saturated_percent", m.saturated_percent);
   visit("epipolar_rms_px", m.epipolar_rms_px);
   visit("temperature_c", m.temperature_c);
+  visit("repeatability_rsd_percent", m.repeatability_rsd_percent);
+}
+
+template <typename Budget, typename Visit>
+void ForEachTerm(Budget& b, Visit visit) {
+  visit("matching", b.matching_m3);
+  visit("reference", b.reference_m3);
+  visit("calibration", b.calibration_m3);
+  visit("pose", b.pose_m3);
+  visit("completion", b.completion_m3);
+  visit("relief", b.relief_m3);
+  visit("repeat", b.repeat_m3);
 }
 
 template <typename Timings, typename Visit>
@@ -157,6 +169,11 @@ nlohmann::ordered_json RecordToJson(const Measurement& measurement) {
       record[key] = field;
     }
   });
+  record["shots"] = measurement.shots;
+  Json& budget = record["budget_m3"] = nullptr;
+  if (measurement.budget) {
+    ForEachTerm(*measurement.budget, [&](const char* term, double value_m3) { budget[term] = Finite(value_m3); });
+  }
   record["reference_id"] = measurement.reference_id.empty() ? Json(nullptr) : Json(measurement.reference_id);
   record["detail"] = measurement.detail;
   record["utc_ns"] = (measurement.utc - seconds).count();
@@ -192,6 +209,17 @@ Measurement RecordFromJson(const nlohmann::ordered_json& record) {
       Read(Find(record, key), key, field);
     }
   });
+  std::uint64_t shots = 1;
+  Read(Find(record, "shots"), "shots", shots);
+  if (shots < 1 || shots > 1000) throw std::invalid_argument("record: shots: must be 1 to 1000");
+  m.shots = static_cast<int>(shots);
+  const Json& budget = Find(record, "budget_m3");
+  if (!budget.is_null()) {
+    if (!budget.is_object()) throw std::invalid_argument("record: budget_m3: must be an object");
+    ForEachTerm(m.budget.emplace(), [&](const char* term, double& value_m3) {
+      Read(Find(budget, term), std::string("budget_m3.") + term, value_m3);
+    });
+  }
   Read(Find(record, "reference_id"), "reference_id", m.reference_id);
   Read(Find(record, "detail"), "detail", m.detail);
   return m;

@@ -46,28 +46,76 @@ Eigen::Vector2d LocalPlanes::Centre(int column, int row) const {
 }
 
 std::optional<double> LocalPlanes::HeightAt(const Eigen::Vector2d& place, double max_slope) const {
+  return Fit(place, max_slope, std::numeric_limits<int>::max(), [](int, int) { return true; });
+}
+
+std::optional<double> LocalPlanes::HeightBeyond(const Eigen::Vector2d& place, const Eigen::Vector2d& towards,
+                                                double distance_m, double max_slope) const {
+  constexpr int kBeyond = 12;  // cells; what lies further says little of the place
+  return Fit(place, max_slope, static_cast<int>(distance_m / cell_m_) + kBeyond,
+             [&](int column, int row) { return (Centre(column, row) - place).dot(towards) >= distance_m; });
+}
+
+std::optional<Eigen::Vector3d> LocalPlanes::Centroid(int column, int row) const {
+  if (column < 0 || row < 0 || column >= columns_ || row >= rows_) return std::nullopt;
+  const Moments& m = cells_[static_cast<std::size_t>(row) * columns_ + column];
+  if (m.n == 0) return std::nullopt;
+  const Eigen::Vector2d centre = Centre(column, row);
+  return Eigen::Vector3d(centre.x() + m.x / m.n, centre.y() + m.y / m.n, m.z / m.n);
+}
+
+std::optional<Eigen::Vector3d> LocalPlanes::CentroidAt(const Eigen::Vector2d& place) const {
+  return Centroid(static_cast<int>(std::floor((place.x() - origin_.x()) / cell_m_)),
+                  static_cast<int>(std::floor((place.y() - origin_.y()) / cell_m_)));
+}
+
+std::optional<Eigen::Vector3d> LocalPlanes::NearestCentroid(const Eigen::Vector2d& place, int reach) const {
+  const int column = static_cast<int>(std::floor((place.x() - origin_.x()) / cell_m_));
+  const int row = static_cast<int>(std::floor((place.y() - origin_.y()) / cell_m_));
+  std::optional<Eigen::Vector3d> nearest;
+  double nearest_m = 0;
+  for (int r = 0; r <= reach; ++r) {
+    // A cell of the ring r is at least r − 1 cells away.
+    if (nearest && nearest_m < (r - 1) * cell_m_) break;
+    for (int j = row - r; j <= row + r; ++j) {
+      const bool whole_row = std::abs(j - row) == r;
+      for (int i = column - r; i <= column + r; i += whole_row || r == 0 ? 1 : 2 * r) {
+        const auto centroid = Centroid(i, j);
+        if (!centroid) continue;
+        const double away_m = (centroid->head<2>() - place).norm();
+        if (nearest && away_m >= nearest_m) continue;
+        nearest = centroid;
+        nearest_m = away_m;
+      }
+    }
+  }
+  return nearest;
+}
+
+template <typename Use>
+std::optional<double> LocalPlanes::Fit(const Eigen::Vector2d& place, double max_slope, int farthest_reach,
+                                       Use use) const {
   if (cells_.empty()) return std::nullopt;
   constexpr int kReach = 3;         // cells on each side that a fit looks at, at least
   constexpr int kEnoughCells = 12;  // occupied cells a plane should rest on
   const int column = static_cast<int>(std::floor((place.x() - origin_.x()) / cell_m_));
   const int row = static_cast<int>(std::floor((place.y() - origin_.y()) / cell_m_));
   const int farthest =
-      std::max({std::abs(column), std::abs(row), std::abs(columns_ - column), std::abs(rows_ - row)}) + 1;
+      std::min(farthest_reach,
+               std::max({std::abs(column), std::abs(row), std::abs(columns_ - column), std::abs(rows_ - row)}) + 1);
 
   int reach = kReach;
-  int nearest_ring = -1;
   const auto occupied = [&](int r) {
     int count = 0;
     for (int j = std::max(0, row - r); j <= std::min(rows_ - 1, row + r); ++j) {
       for (int i = std::max(0, column - r); i <= std::min(columns_ - 1, column + r); ++i) {
-        count += cells_[static_cast<std::size_t>(j) * columns_ + i].n > 0;
+        count += cells_[static_cast<std::size_t>(j) * columns_ + i].n > 0 && use(i, j);
       }
     }
     return count;
   };
   while (true) {
     const int count = occupied(reach);
-    if (count > 0 && nearest_ring < 0) nearest_ring = reach;
     if (count >= kEnoughCells || reach >= farthest) break;
     reach = std::max(reach + 1, reach * 5 / 4);
   }
@@ -79,7 +127,7 @@ std::optional<double> LocalPlanes::HeightAt(const Eigen::Vector2d& place, double
   for (int j = std::max(0, row - reach); j <= std::min(rows_ - 1, row + reach); ++j) {
     for (int i = std::max(0, column - reach); i <= std::min(columns_ - 1, column + reach); ++i) {
       const Moments& m = cells_[static_cast<std::size_t>(j) * columns_ + i];
-      if (m.n == 0) continue;
+      if (m.n == 0 || !use(i, j)) continue;
       const Eigen::Vector2d to = (Centre(i, j) - place) / cell_m_;
       const double w = 1.0 / (1.0 + 0.25 * to.squaredNorm());
       const double x = m.x / cell_m_, y = m.y / cell_m_;

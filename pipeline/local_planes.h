@@ -22,12 +22,28 @@ class LocalPlanes {
   /// that slope allows. Empty when there is no sample at all.
   [[nodiscard]] std::optional<double> HeightAt(const Eigen::Vector2d& place, double max_slope) const;
 
+  /// The same from samples in the half plane that lies `distance_m` or more from `place` in the direction `towards`
+  /// (unit vector) alone: what HeightAt would say if nothing nearer had been seen.
+  [[nodiscard]] std::optional<double> HeightBeyond(const Eigen::Vector2d& place, const Eigen::Vector2d& towards,
+                                                   double distance_m, double max_slope) const;
+
+  /// Mean of the samples pooled in the cell at `place`; empty when there is none.
+  [[nodiscard]] std::optional<Eigen::Vector3d> CentroidAt(const Eigen::Vector2d& place) const;
+  /// Of the cells with samples the mean of the one nearest to `place`, looking at most `reach` cells away.
+  [[nodiscard]] std::optional<Eigen::Vector3d> NearestCentroid(const Eigen::Vector2d& place, int reach) const;
+  [[nodiscard]] double cell_m() const { return cell_m_; }
+
  private:
   struct Moments {
     double n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0;  // about the cell's centre
     double low = 1e300, high = -1e300;
   };
   [[nodiscard]] Eigen::Vector2d Centre(int column, int row) const;
+  [[nodiscard]] std::optional<Eigen::Vector3d> Centroid(int column, int row) const;
+  /// HeightAt from the cells that `use(column, row)` allows, at most `farthest_reach` cells away.
+  template <typename Use>
+  [[nodiscard]] std::optional<double> Fit(const Eigen::Vector2d& place, double max_slope, int farthest_reach,
+                                          Use use) const;
 
   Eigen::Vector2d origin_{0, 0};
   double cell_m_ = 1;

@@ -12,8 +12,13 @@
 #include "pipeline/laps.h"
 #include "pipeline/points.h"
 #include "pipeline/rectify.h"
+#include "pipeline/relief.h"
 #include "pipeline/rig_cloud.h"
 #include "pipeline/rig_geometry.h"
+#include "pipeline/rig_sensitivity.h"
+#include "pipeline/rig_shots.h"
+#include "pipeline/shots.h"
+#include "pipeline/surface_samples.h"
 #include "pipeline/text.h"
 #include "pipeline/uncertainty.h"
 #include "pipeline/volume.h"
@@ -28,6 +33,33 @@ constexpr double kSegmentSteps = 0.5;
 constexpr double kWindowPixels = 6;
 // More of the surface above the top of the bin than this is not a stray point.
 constexpr double kMaxAboveShare = 0.02;
+
+constexpr std::size_t kFewestPoints = 100;  // on the grain floor; fewer are no surface
+
+// Neighbouring disparities share their window's noise.
+double CorrelatedPixels(const StereoOptions& stereo) {
+  if (stereo.refine_radius_px == 0) return stereo.census_width * stereo.census_height;
+  const double side = 2 * stereo.refine_radius_px + 1;
+  return side * side;
+}
+
+// Of the floor that a reference shows.
+CloudNoise NoiseOfReference(const Reference& reference, const RigGeometry& rig, const PipelineOptions& options) {
+  CloudNoise noise;
+  double squares = 0;
+  for (int y = 0; y < reference.noise_m.rows; ++y) {
+    for (int x = 0; x < reference.noise_m.cols; ++x) {
+      const double height_m = reference.noise_m.at<float>(y, x);
+      if (rig.left_mask.at<std::uint8_t>(y, x) == 0 || !std::isfinite(height_m)) continue;
+      squares += height_m * height_m;
+      noise.points += 1;
+    }
+  }
+  if (noise.points > 0) noise.height_m = std::sqrt(squares / noise.points);
+  noise.correlated_px = CorrelatedPixels(options.stereo);
+  noise.depth_step_m = rig.floor_step_m;
+  return noise;
+}
 
 std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
   std::vector<Eigen::Vector3d> out;
@@ -49,6 +81,7 @@ struct Pipeline::Impl {
   Floor floor;
   double segment_distance_m = 0;
   double floor_step_m = 0;
+  std::optional<CloudNoise> empty_bin;
   std::vector<std::string> notes;
 
   [[nodiscard]] Floor FloorFrom(const std::vector<Eigen::Vector3d>& points, double spacing_m) const {
@@ -60,8 +93,20 @@ struct Pipeline::Impl {
     m.reason = reason;
     m.detail = std::move(detail);
   }
-  void Describe(const std::vector<GrainPoints>& grain, const Surface& surface, const VolumeResult& volume,
-                Measurement& m) const;
+
+  /// The grain in the clouds of all rigs.
+  struct Grain {
+    std::vector<cv::Mat> masks;  ///< one a rig
+    std::vector<Eigen::Vector3d> points_in_world;
+    double spacing_m = 0, above_share = 0;
+  };
+  [[nodiscard]] Grain FindGrainOf(const std::vector<cv::Mat>& points, const std::vector<cv::Mat>& disparities) const;
+  [[nodiscard]] Surface SurfaceOf(const Grain& grain) const;
+  [[nodiscard]] std::optional<double> VolumeOfShot(const std::vector<RigShots>& rigs, std::size_t shot) const;
+  void Describe(const Surface& surface, const VolumeResult& volume, Measurement& m) const;
+  [[nodiscard]] CloudNoise NoiseOf(const std::vector<RigView>& views, double distance_m) const;
+  [[nodiscard]] UncertaintyBudget Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
+                                         const std::vector<double>& shot_volumes_m3) const;
 };
 
 Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options) {
@@ -92,6 +137,9 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
     const auto points = ValidPoints(geometry.setup.reference->points_in_world);
     empty_bin.insert(empty_bin.end(), points.begin(), points.end());
     spacing_m = std::max(spacing_m, geometry.spacing_m);
+    const CloudNoise noise = NoiseOfReference(*geometry.setup.reference, geometry, impl->options);
+    // Of several rigs the one that saw its floor worst.
+    if (!impl->empty_bin || noise.depth_step_m > impl->empty_bin->depth_step_m) impl->empty_bin = noise;
   }
   if (spacing_m > 0) {  // a reference was given; one without a single point is refused as well
     try {
@@ -108,20 +156,32 @@ Pipeline::Pipeline(Pipeline&&) noexcept = default;
 
 const std::vector<std::string>& Pipeline::Notes() const { return impl_->notes; }
 
-PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& inventory,
-                          const Stopwatch& stopwatch) const {
-  if (pairs.size() != impl_->rigs.size()) {
-    throw std::invalid_argument("bin " + std::to_string(impl_->bin.id) + " has " + std::to_string(impl_->rigs.size()) +
-                                " rigs, got " + std::to_string(pairs.size()) + " pairs of frames");
-  }
+PipelineRun Pipeline::RunShots(const std::vector<Shot>& shots, const Inventory& inventory,
+                               const Stopwatch& stopwatch) const {
   const Impl& my = *impl_;
+  if (shots.empty()) throw std::invalid_argument("bin " + std::to_string(my.bin.id) + ": no shot to measure");
+  for (const Shot& shot : shots) {
+    if (shot.size() == my.rigs.size()) continue;
+    throw std::invalid_argument("bin " + std::to_string(my.bin.id) + " has " + std::to_string(my.rigs.size()) +
+                                " rigs, got " + std::to_string(shot.size()) + " pairs of frames");
+  }
   PipelineRun run;
   Measurement& m = run.measurement;
   Laps laps(stopwatch);
   m.bin = my.bin.id;
-  m.utc = pairs.front().left.exposure_start;
+  m.utc = shots.front().front().left.exposure_start;
   m.segment_distance_m = my.segment_distance_m;
-  for (const auto& pair : pairs) m.simulated = m.simulated || pair.Simulated();
+  m.shots = static_cast<int>(shots.size());
+  for (const Shot& shot : shots) {
+    for (const auto& pair : shot) {
+      m.simulated = m.simulated || pair.Simulated();
+      m.skew_us = std::max(m.skew_us.value_or(0), static_cast<double>(pair.skew.count()));
+    }
+  }
+  for (const RigGeometry& geometry : my.rigs) {
+    if (!geometry.setup.reference) continue;
+    m.reference_id += (m.reference_id.empty() ? "" : " ") + geometry.setup.reference->id;
+  }
   const auto finish = [&]() -> PipelineRun {
     m.timings_ms.total = laps.Total();
     ApplyInventory(m, inventory);
@@ -129,12 +189,12 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   };
 
   // frames → clouds
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
+  std::vector<RigShots> rigs;
+  for (std::size_t i = 0; i < my.rigs.size(); ++i) {
     const RigGeometry& geometry = my.rigs[i];
-    RigCloud cloud = MakeCloud(geometry, pairs[i], my.options, laps, m.timings_ms);
-    m.skew_us = std::max(m.skew_us.value_or(0), static_cast<double>(pairs[i].skew.count()));
-    const bool assessed = !cloud.view.left.empty();
-    if (assessed) {
+    rigs.push_back(MakeCloudOfShots(geometry, my.bin, shots, i, my.options, laps, m.timings_ms));
+    RigCloud& cloud = rigs.back().cloud;
+    if (!cloud.view.left.empty()) {
       m.speckle_contrast = std::min(m.speckle_contrast.value_or(1e9), cloud.quality.speckle_contrast);
       m.saturated_percent = std::max(m.saturated_percent.value_or(0), 100 * cloud.quality.saturated_fraction);
     }
@@ -146,39 +206,32 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   }
 
   // clouds → grain
-  std::vector<GrainPoints> grain;
-  std::vector<Eigen::Vector3d> points;
-  double spacing_m = 0, above_share = 0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const RigGeometry& geometry = my.rigs[i];
-    GrainOptions options;
-    options.segment_distance_m = my.segment_distance_m;
-    options.edge_margin_m = kWindowPixels * geometry.spacing_m;
-    const cv::Mat empty_bin = geometry.setup.reference ? geometry.setup.reference->points_in_world : cv::Mat();
-    grain.push_back(
-        FindGrain(run.rigs[i].points_in_world, run.rigs[i].disparity_px, empty_bin, my.floor, my.bin, options));
-    run.rigs[i].grain_mask = grain.back().mask;
-    points.insert(points.end(), grain.back().points_in_world.begin(), grain.back().points_in_world.end());
-    spacing_m = std::max(spacing_m, grain.back().spacing_m);
-    above_share = std::max(above_share, grain.back().above_share);
-    if (geometry.setup.reference) m.reference_id += (m.reference_id.empty() ? "" : " ") + geometry.setup.reference->id;
+  std::vector<cv::Mat> points, disparities;
+  for (const RigView& view : run.rigs) {
+    points.push_back(view.points_in_world);
+    disparities.push_back(view.disparity_px);
   }
-  m.points = points.size();
+  const Impl::Grain grain = my.FindGrainOf(points, disparities);
+  for (std::size_t i = 0; i < run.rigs.size(); ++i) run.rigs[i].grain_mask = grain.masks[i];
+  m.points = grain.points_in_world.size();
   m.timings_ms.segment = laps.Lap();
-  if (above_share > kMaxAboveShare) {
+  if (grain.above_share > kMaxAboveShare) {
     my.Fail(m, Reason::kAboveBin,
-            FormatText("%.0f %% of the surface lies above the top of the bin at %.3f m", above_share * 100,
+            FormatText("%.0f %% of the surface lies above the top of the bin at %.3f m", grain.above_share * 100,
                        my.bin.height_m));
     return finish();
   }
-  if (points.size() < 100) {
+  if (m.points < kFewestPoints) {
     my.Fail(m, Reason::kCoverageLow,
-            FormatText("%.0f points on the grain floor, at least %.0f", static_cast<double>(points.size()), 100));
+            FormatText("%.0f points on the grain floor, at least %.0f", static_cast<double>(m.points), kFewestPoints));
     return finish();
   }
 
   // grain → surface → volume
-  run.surface = BuildSurface(points, my.floor, my.bin, spacing_m, my.options.surface.edge_threshold_m);
+  run.surface = my.SurfaceOf(grain);
+  const double relief_m2 = ReliefArea_m2(run.surface);
+  if (my.bin.grain.surface_offset_m) TakeReliefOff(*my.bin.grain.surface_offset_m, run.surface);
+  run.relief_area_m2 = relief_m2;
   m.timings_ms.mesh = laps.Lap();
   const VolumeResult volume = IntegrateVolume(run.surface);
   const double coverage = volume.measured_area_m2 / GrainFloor_m2(my.bin);
@@ -189,7 +242,16 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
                        my.options.surface.min_coverage * 100));
     return finish();
   }
-  my.Describe(grain, run.surface, volume, m);
+  std::vector<double> shot_volumes_m3;
+  for (std::size_t k = 0; shots.size() > 1 && k < shots.size(); ++k) {
+    if (const auto alone = my.VolumeOfShot(rigs, k)) shot_volumes_m3.push_back(*alone);
+  }
+  if (const double rsd = RelativeDeviation_percent(shot_volumes_m3); std::isfinite(rsd)) {
+    m.repeatability_rsd_percent = rsd;
+  }
+  my.Describe(run.surface, volume, m);
+  m.budget = my.Budget(run, volume, relief_m2, shot_volumes_m3);
+  m.volume_u95_m3 = m.budget->Expanded_m3();
   m.timings_ms.volume = laps.Lap();
   m.valid = true;
   m.reason = Reason::kOk;
@@ -206,9 +268,43 @@ PipelineRun Pipeline::Run(const std::vector<FramePair>& pairs, const Inventory& 
   return finish();
 }
 
-void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surface& surface, const VolumeResult& volume,
-                              Measurement& m) const {
-  const double floor_m2 = GrainFloor_m2(bin), capacity_m3 = Capacity_m3(bin);
+Pipeline::Impl::Grain Pipeline::Impl::FindGrainOf(const std::vector<cv::Mat>& points,
+                                                  const std::vector<cv::Mat>& disparities) const {
+  Grain out;
+  for (std::size_t i = 0; i < rigs.size(); ++i) {
+    GrainOptions choice;
+    choice.segment_distance_m = segment_distance_m;
+    choice.edge_margin_m = kWindowPixels * rigs[i].spacing_m;
+    const auto& reference = rigs[i].setup.reference;
+    GrainPoints grain =
+        FindGrain(points[i], disparities[i], reference ? reference->points_in_world : cv::Mat(), floor, bin, choice);
+    out.masks.push_back(grain.mask);
+    out.points_in_world.insert(out.points_in_world.end(), grain.points_in_world.begin(), grain.points_in_world.end());
+    out.spacing_m = std::max(out.spacing_m, grain.spacing_m);
+    out.above_share = std::max(out.above_share, grain.above_share);
+  }
+  return out;
+}
+
+Surface Pipeline::Impl::SurfaceOf(const Grain& grain) const {
+  return BuildSurface(grain.points_in_world, floor, bin, grain.spacing_m, options.surface.edge_threshold_m);
+}
+
+std::optional<double> Pipeline::Impl::VolumeOfShot(const std::vector<RigShots>& shots_of_rigs, std::size_t shot) const {
+  std::vector<cv::Mat> points, disparities;
+  for (const RigShots& rig : shots_of_rigs) {
+    points.push_back(rig.points_in_world[shot]);
+    disparities.push_back(rig.disparity_px[shot]);
+  }
+  const Grain grain = FindGrainOf(points, disparities);
+  if (grain.points_in_world.size() < kFewestPoints) return std::nullopt;
+  Surface surface = SurfaceOf(grain);
+  if (bin.grain.surface_offset_m) TakeReliefOff(*bin.grain.surface_offset_m, surface);
+  return IntegrateVolume(surface).total_m3;
+}
+
+void Pipeline::Impl::Describe(const Surface& surface, const VolumeResult& volume, Measurement& m) const {
+  const double capacity_m3 = Capacity_m3(bin);
   m.volume_m3 = volume.total_m3;
   m.volume_measured_m3 = volume.measured_m3;
   m.volume_interpolated_m3 = volume.interpolated_m3;
@@ -219,8 +315,8 @@ void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surfa
 
   // Levels: over the area for the mean; the extremes without the outermost thousandth, which is noise.
   std::vector<double> levels;
-  for (const auto& rig : grain) {
-    for (const auto& p : rig.points_in_world) levels.push_back(p.z());
+  for (std::size_t i = 0; i < surface.vertices_in_world.size(); ++i) {
+    if (!surface.interpolated[i]) levels.push_back(surface.vertices_in_world[i].z());
   }
   const auto rank = [&](double share) {
     const auto at = levels.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(levels.size() - 1));
@@ -234,17 +330,58 @@ void Pipeline::Impl::Describe(const std::vector<GrainPoints>& grain, const Surfa
   if (m.level_mean_m) m.distance_mean_m = camera_m - *m.level_mean_m;
   m.distance_min_m = camera_m - *m.level_max_m;
   m.distance_max_m = camera_m - *m.level_min_m;
+}
 
-  const Rectification& r = rigs.front().rectification;
-  UncertaintyInputs inputs;
-  inputs.grain_floor_m2 = floor_m2;
-  inputs.volume_m3 = volume.total_m3;
-  inputs.interpolated_m3 = volume.interpolated_m3;
-  inputs.surface_step_m = r.DepthStep_m(std::max(0.01, m.distance_mean_m.value_or(camera_m)));
-  inputs.floor_step_m = floor_step_m;
-  inputs.camera_height_m = camera_m;
-  inputs.floor_measured = floor.Measured();
-  m.volume_u95_m3 = VolumeUncertainty(inputs).Expanded_m3();
+CloudNoise Pipeline::Impl::NoiseOf(const std::vector<RigView>& views, double distance_m) const {
+  CloudNoise noise;
+  double squares = 0, stated = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Rectification& r = rigs[i].rectification;
+    noise.depth_step_m = std::max(noise.depth_step_m, r.DepthStep_m(std::max(0.01, distance_m)));
+    const RigView& view = views[i];
+    for (int y = 0; y < view.grain_mask.rows; ++y) {
+      for (int x = 0; x < view.grain_mask.cols; ++x) {
+        if (!view.grain_mask.at<std::uint8_t>(y, x)) continue;
+        noise.points += 1;
+        const float deviation = view.deviation_px.at<float>(y, x);
+        if (!std::isfinite(deviation)) continue;
+        const double height_m = r.DepthStep_m(r.Depth_m(view.disparity_px.at<float>(y, x))) * deviation;
+        squares += height_m * height_m;
+        stated += 1;
+      }
+    }
+  }
+  if (stated > 0) noise.height_m = std::sqrt(squares / stated);
+  noise.correlated_px = CorrelatedPixels(options.stereo);
+  return noise;
+}
+
+UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
+                                         const std::vector<double>& shot_volumes_m3) const {
+  const Measurement& m = run.measurement;
+  BudgetInputs in;
+  in.area_m2 = volume.area_m2;
+  in.interpolated_m2 = volume.area_m2 - volume.measured_area_m2;
+  in.interpolated_m3 = volume.interpolated_m3;
+  in.camera_height_m = rigs.front().camera_height_m;
+  in.surface = NoiseOf(run.rigs, m.distance_mean_m.value_or(in.camera_height_m));
+  in.empty_bin = empty_bin;
+  in.completion_deviation_m = run.surface.completion_deviation_m;
+  in.relief_m2 = relief_m2;
+  in.relief_deviation_m = ReliefDeviation_m(bin.grain, m.simulated);
+  if (shot_volumes_m3.size() > 1) in.shots_deviation_m3 = StandardDeviation(shot_volumes_m3);
+  in.shots = m.shots;
+
+  // Rigs are calibrated one by one: their errors are independent, and each has its share of the cloud.
+  const auto samples = SampleSurface(run.surface, floor, bin);
+  const FloorSource source = floor.Measured() ? FloorSource::kMeasured : FloorSource::kPose;
+  const double share = 1.0 / static_cast<double>(rigs.size());
+  for (const RigGeometry& rig : rigs) {
+    const RigDeviation deviation = VolumeDeviation(samples, rig.setup.calibration, rig.setup.world_from_left, source);
+    in.calibration_m3 = std::hypot(in.calibration_m3, share * deviation.calibration_m3);
+    in.pose_m3 = std::hypot(in.pose_m3, share * deviation.pose_m3);
+  }
+  return VolumeBudget(in);
 }
 
 Pipeline::ReferenceRun Pipeline::TakeReference(std::size_t rig, const FramePair& pair) const {

@@ -40,7 +40,8 @@ struct RigView {
 struct PipelineRun {
   Measurement measurement;  ///< valid, or with the reason why not
   std::vector<RigView> rigs;
-  Surface surface;  ///< empty when the run ended before
+  Surface surface;            ///< empty when the run ended before
+  double relief_area_m2 = 0;  ///< floor area over which a surface offset of the grain counts, see relief.h
 };
 
 /// Milliseconds on a steady clock, for the stage timings; the pipeline itself reads no clock.
@@ -55,10 +56,16 @@ class Pipeline {
   Pipeline(Pipeline&&) noexcept;
 
   /// Measures once. A poor picture is a verdict (`measurement.reason`), not an exception.
-  /// @param pairs one for each rig, in the order of the rigs
+  /// @param shots one or more, each one pair for each rig in the order of the rigs; several are fused, their own
+  /// volumes
+  ///   give `repeatability_rsd_percent`, and what moved between them is a verdict
   /// @param stopwatch when given, `measurement.timings_ms` is filled, but for `capture`
-  [[nodiscard]] PipelineRun Run(const std::vector<FramePair>& pairs, const Inventory& inventory,
-                                const Stopwatch& stopwatch = {}) const;
+  [[nodiscard]] PipelineRun RunShots(const std::vector<Shot>& shots, const Inventory& inventory,
+                                     const Stopwatch& stopwatch = {}) const;
+  /// RunShots with a single one.
+  [[nodiscard]] PipelineRun Run(const Shot& pairs, const Inventory& inventory, const Stopwatch& stopwatch = {}) const {
+    return RunShots({pairs}, inventory, stopwatch);
+  }
 
   /// The cloud of the empty bin as rig `rig` sees it. A verdict other than kOk means that `reference` is not set.
   struct ReferenceRun {

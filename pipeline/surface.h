@@ -25,7 +25,9 @@ struct Surface {
   /// Those on the grain floor that an edge beyond the limit keeps out, so that other limits can be tried.
   std::vector<std::array<std::uint32_t, 3>> too_long;
   double point_spacing_m = 0;   ///< median distance of neighbouring measured points, on the floor plane
-  double edge_threshold_m = 0;  ///< limit used
+  double edge_threshold_m = 0;  ///< limit used; the median where it is local
+  /// Standard deviation of the mean of the completed heights; empty when it is not known.
+  std::optional<double> completion_deviation_m;
   [[nodiscard]] bool Empty() const { return triangles.empty(); }
 };
 
@@ -34,13 +36,9 @@ struct Surface {
 /// with an edge beyond the limit, as seen from above, left out.
 ///
 /// @param measured_in_world grain and floor points inside the footprint, metres; may be empty
-/// @param spacing_m distance of neighbouring points on the floor plane; sets how finely is completed and, where
-///   `edge_threshold_m` is empty, the limit: kEdgeSpacings times it
+/// @param spacing_m distance of neighbouring points on the floor plane; sets how finely is completed
+/// @param edge_threshold_m empty: kEdgeSpacings times the spacing of the points where the edge lies
 [[nodiscard]] Surface BuildSurface(std::span<const Eigen::Vector3d> measured_in_world, const Floor& floor,
                                    const Bin& bin, double spacing_m, std::optional<double> edge_threshold_m);
-
-/// Automatic edge limit as a multiple of the point spacing. Points a pixel apart give edges of 1 to 1.5 spacings;
-/// completion fills every gap wider than about 5.
-inline constexpr double kEdgeSpacings = 8;
 
 }  // namespace granary

@@ -35,12 +35,12 @@ int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
     setups[i].reference = ReferenceFor(bin, i, !arguments.files.frames.empty());
   }
   const double start_ms = SteadyMilliseconds();
-  const std::vector<FramePair> pairs = TakePairs(bin, arguments.files);
+  const std::vector<Shot> shots = TakeShots(bin, arguments.files);
   const double capture_ms = SteadyMilliseconds() - start_ms;
 
   const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
   for (const std::string& note : pipeline.Notes()) Say(note);
-  PipelineRun run = pipeline.Run(pairs, bin.config.inventory, SteadyMilliseconds);
+  PipelineRun run = pipeline.RunShots(shots, bin.config.inventory, SteadyMilliseconds);
   Measurement& record = run.measurement;
   record.timings_ms.capture = capture_ms;
   record.timings_ms.total += capture_ms;
@@ -58,7 +58,7 @@ void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen) {
   const auto arguments = std::make_shared<MeasureArguments>();
   CLI::App* command = app.add_subcommand("measure", "one full measurement; never published");
   command
-      ->add_option("--frames", arguments->files.frames, "left and right picture of each rig, in place of its cameras")
+      ->add_option("--frames", arguments->files.frames, "left and right picture of each rig, in place of its cameras; several times for several shots")
       ->type_name("L R");
   command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
   command->add_option("--threshold", arguments->threshold_m, "longest edge of a triangle, metres")->type_name("M");

@@ -100,6 +100,43 @@ std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files) 
   return pairs;
 }
 
+std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files) {
+  std::vector<Shot> shots;
+  const std::size_t a_shot = 2 * bin.rigs.size();
+  if (!files.frames.empty()) {
+    if (files.frames.size() % a_shot != 0) {
+      throw UsageError("--frames: " + std::to_string(files.frames.size()) + " files for " + Rigs(bin.rigs.size()) +
+                       "; left and right of each rig are wanted, once or several times (--rig NAME picks one rig)");
+    }
+    if (!files.ambient.empty() && files.ambient.size() != files.frames.size()) {
+      throw UsageError("--ambient: as many files as --frames are wanted");
+    }
+    for (std::size_t first = 0; first < files.frames.size(); first += a_shot) {
+      const auto part = [&](const std::vector<std::filesystem::path>& all) {
+        if (all.empty()) return all;
+        const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
+        return std::vector(begin, begin + static_cast<std::ptrdiff_t>(a_shot));
+      };
+      shots.push_back(TakePairs(bin, {part(files.frames), part(files.ambient)}));
+    }
+    return shots;
+  }
+  if (!files.ambient.empty()) throw UsageError("--ambient goes with --frames");
+  // Opened once: what comes between two shots should be as short as it can be.
+  std::vector<Rig> rigs;
+  for (const ChosenRig& rig : bin.rigs) {
+    Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing " +
+        (bin.config.shots == 1 ? "a pair" : std::to_string(bin.config.shots) + " pairs") +
+        (rig.Simulated() ? " (simulated)" : ""));
+    rigs.push_back(OpenRig(rig.options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left}));
+  }
+  for (int k = 0; k < bin.config.shots; ++k) {
+    Shot& shot = shots.emplace_back();
+    for (Rig& rig : rigs) shot.push_back(rig.CapturePair());
+  }
+  return shots;
+}
+
 FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin) {
   Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing a pair" +
       (rig.Simulated() ? empty_bin ? " (simulated, the bin without grain)" : " (simulated)" : ""));

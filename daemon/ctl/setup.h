@@ -44,6 +44,11 @@ struct FrameFiles {
 /// @throws UsageError when the files do not fit the rigs; FileError, DeviceError
 [[nodiscard]] std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files);
 
+/// The shots of one measurement: as many as the files make (each a pair for each rig, shot after shot), else as many as
+/// the configuration wants from the cameras.
+/// @throws as TakePairs
+[[nodiscard]] std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files);
+
 /// One pair from the rig's own cameras. @param empty_bin a simulated rig shows the bin without grain
 [[nodiscard]] FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin);
 

@@ -114,7 +114,7 @@ constexpr RegisterRow kTable[] = {
     {44, kF32, 2, "interpolated_volume", "m³", "Part of the volume under interpolated triangles",
      Good<&M::volume_interpolated_m3>},
     {46, kF32, 2, "repeatability", "%", "RSD of the repeats of this cycle; NaN when measured once",
-     [](Source) -> RegisterValue { return kUnknown; }},
+     Good<&M::repeatability_rsd_percent>},
     {48, kF32, 2, "calibration_health", "px", "RMS of the epipolar error", Good<&M::epipolar_rms_px>},
     {50, kF32, 2, "rig_temperature", "°C", "Temperature of the rig", Good<&M::temperature_c>},
     {52, kU32, 2, "alarms_active", "", "Alarm bits; see below",

@@ -132,6 +132,22 @@ std::vector<std::string> Faults(const Bin& bin) {
   return faults;
 }
 
+std::vector<std::string> Faults(const GrainKind& grain) {
+  std::vector<std::string> faults;
+  const auto require = [&](bool ok, const char* words) {
+    if (!ok) faults.emplace_back(words);
+  };
+  require(!grain.surface_offset_m || std::abs(*grain.surface_offset_m) <= 0.02,
+          "surface_offset_m: must be -0.02 to 0.02");
+  require(!grain.surface_offset_u95_m || (*grain.surface_offset_u95_m >= 0 && *grain.surface_offset_u95_m <= 0.02),
+          "surface_offset_u95_m: must be 0 to 0.02");
+  require(!grain.surface_offset_u95_m || grain.surface_offset_m,
+          "surface_offset_u95_m: goes with surface_offset_m, which is not set");
+  require(!grain.angle_of_repose_deg || (*grain.angle_of_repose_deg >= 5 && *grain.angle_of_repose_deg <= 60),
+          "angle_of_repose_deg: must be 5 to 60");
+  return faults;
+}
+
 std::vector<std::string> Faults(const Inventory& inventory) {
   std::vector<std::string> faults;
   const auto require = [&](bool ok, const char* words) {

@@ -14,6 +14,8 @@ namespace granary {
 /// One "key: what, what is allowed" for each fault; empty when all is well. Keys are those of the configuration:
 /// "id", "footprint_m", "exclude_m[1]", "height_m".
 [[nodiscard]] std::vector<std::string> Faults(const Bin& bin);
+/// The same for what lies in the bin.
+[[nodiscard]] std::vector<std::string> Faults(const GrainKind& grain);
 /// The same for book data. Absent values are no fault.
 [[nodiscard]] std::vector<std::string> Faults(const Inventory& inventory);
 

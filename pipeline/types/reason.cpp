@@ -6,8 +6,8 @@
 
 namespace granary {
 
-const std::array<ReasonInfo, 20>& ReasonTable() {
-  static constexpr std::array<ReasonInfo, 20> kTable{{
+const std::array<ReasonInfo, 21>& ReasonTable() {
+  static constexpr std::array<ReasonInfo, 21> kTable{{
       {Reason::kOk, "ok", FaultKind::kNone, "Measured.", ""},
       {Reason::kNotMeasured, "not_measured", FaultKind::kNone, "No measurement has been made yet.",
        "Wait for the schedule or start a measurement."},
@@ -42,6 +42,9 @@ const std::array<ReasonInfo, 20>& ReasonTable() {
        "Check what stands in the view; raise max_rate_m3_h if the rate is real."},
       {Reason::kFootprintOutOfView, "footprint_out_of_view", FaultKind::kPreparation,
        "Too much of the footprint lies outside both pictures.", "Check footprint_m and the pose."},
+      {Reason::kSceneMoving, "scene_moving", FaultKind::kPicture,
+       "Something moved in the bin between the shots of one measurement.",
+       "Keep people out and the conveyors still while it measures."},
       {Reason::kCalibrationInvalid, "calibration_invalid", FaultKind::kPreparation,
        "The calibration or the pose cannot be used.", "Calibrate again; check stereo.yml and world.yml."},
       {Reason::kReferenceMissing, "reference_missing", FaultKind::kPreparation,

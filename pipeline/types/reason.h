@@ -28,6 +28,7 @@ enum class Reason : std::uint16_t {
   kAboveBin = 41,
   kImplausibleChange = 42,
   kFootprintOutOfView = 43,
+  kSceneMoving = 44,
   // what was prepared
   kCalibrationInvalid = 50,
   kReferenceMissing = 51,
@@ -47,7 +48,7 @@ struct ReasonInfo {
 };
 
 /// The whole table, in ascending order of the code.
-[[nodiscard]] const std::array<ReasonInfo, 20>& ReasonTable();
+[[nodiscard]] const std::array<ReasonInfo, 21>& ReasonTable();
 /// The row of `reason`. @throws std::logic_error for a code that is not in the table.
 [[nodiscard]] const ReasonInfo& InfoOf(Reason reason);
 

@@ -32,7 +32,7 @@ struct Depot {
     setup.cycle.retry_delay = 2s;
     setup.rigs.emplace_back().options.projector.driver = ProjectorDriver::kSim;
     setup.configuration_hash = 0xC0FFEE;
-    setup.measure = [this](const std::vector<FramePair>&) {
+    setup.measure = [this](const std::vector<Shot>&) {
       Measurement verdict = verdicts.empty() ? Valid(0.019) : verdicts.front();
       if (!verdicts.empty()) verdicts.pop_front();
       return verdict;

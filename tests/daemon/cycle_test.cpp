@@ -26,14 +26,14 @@ struct Bench {
 
   Cycle Make() {
     CycleSteps steps;
-    steps.capture = [this]() -> std::vector<FramePair> {
+    steps.capture = [this]() -> std::vector<Shot> {
       const Reason reason = captures.empty() ? Reason::kOk : captures.front();
       if (!captures.empty()) captures.pop_front();
       clock.Advance(20ms);
       if (reason != Reason::kOk) throw DeviceError(reason, "left camera", "grab", "no trigger came");
-      return std::vector<FramePair>(1);
+      return std::vector<Shot>(1);
     };
-    steps.measure = [this](const std::vector<FramePair>&) {
+    steps.measure = [this](const std::vector<Shot>&) {
       Measurement verdict = verdicts.empty() ? Valid(0.019) : verdicts.front();
       if (!verdicts.empty()) verdicts.pop_front();
       return verdict;
@@ -118,7 +118,7 @@ TEST(Cycle, DoesNotRetryWhatWasPreparedWrongly) {
 TEST(Cycle, CallsAnUnforeseenExceptionInternal) {
   Bench bench;
   CycleSteps steps;
-  steps.capture = [] { return std::vector<FramePair>(1); };
+  steps.capture = [] { return std::vector<Shot>(1); };
   steps.measure = [](const auto&) -> Measurement { throw std::runtime_error("out of luck"); };
   steps.publish = [](const auto&) {};
   Cycle cycle({}, std::move(steps), bench.clock, std::nullopt);
@@ -130,7 +130,7 @@ TEST(Cycle, CallsAnUnforeseenExceptionInternal) {
 TEST(Cycle, LetsABugThrough) {
   Bench bench;
   CycleSteps steps;
-  steps.capture = [] { return std::vector<FramePair>(1); };
+  steps.capture = [] { return std::vector<Shot>(1); };
   steps.measure = [](const auto&) -> Measurement { throw std::logic_error("bug"); };
   Cycle cycle({}, std::move(steps), bench.clock, std::nullopt);
   EXPECT_THROW(cycle.Run(bench.stop.get_token()), std::logic_error);

@@ -1,4 +1,4 @@
-// Verdicts on generated pictures, and the terms of the uncertainty.
+// Verdicts on generated pictures.
 #include "pipeline/quality.h"
 
 #include <cmath>
@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
-#include "pipeline/uncertainty.h"
 #include "tests/pipeline/speckle.h"
 
 namespace granary {
@@ -79,47 +78,6 @@ TEST(AssessPictures, ContrastDoesNotDependOnTheExposure) {
   dim.left = dim.right = Picture(0.8, 0) * 0.25;
   EXPECT_NEAR(AssessPictures(bright, kEverywhere, kEverywhere).speckle_contrast,
               AssessPictures(dim, kEverywhere, kEverywhere).speckle_contrast, 1e-5);  // floats
-}
-
-UncertaintyInputs SmallBin() {
-  return {.grain_floor_m2 = 0.1846,
-          .volume_m3 = 0.019,
-          .interpolated_m3 = 0.002,
-          .surface_step_m = 0.006,
-          .floor_step_m = 0.007,
-          .camera_height_m = 1.1,
-          .floor_measured = true};
-}
-
-TEST(VolumeUncertainty, TermsAddInQuadrature) {
-  const UncertaintyBudget budget{3, 4, 12, 84, 3612};  // 3² + 4² = 5², 5² + 12² = 13², …
-  EXPECT_DOUBLE_EQ(budget.Expanded_m3(), 2 * 3613);
-}
-
-TEST(VolumeUncertainty, AFloorNeverSeenCostsMore) {
-  UncertaintyInputs inputs = SmallBin();
-  const double seen = VolumeUncertainty(inputs).Expanded_m3();
-  inputs.floor_measured = false;
-  EXPECT_GT(VolumeUncertainty(inputs).Expanded_m3(), seen);
-}
-
-TEST(VolumeUncertainty, GrowsWithWhatWasMadeUp) {
-  UncertaintyInputs inputs = SmallBin();
-  const double before = VolumeUncertainty(inputs).Expanded_m3();
-  inputs.interpolated_m3 *= 3;
-  EXPECT_GT(VolumeUncertainty(inputs).Expanded_m3(), before);
-}
-
-TEST(VolumeUncertainty, EveryTermIsPositiveEvenForAnEmptyBin) {
-  UncertaintyInputs inputs = SmallBin();
-  inputs.volume_m3 = -1e-5;
-  inputs.interpolated_m3 = -1e-6;
-  const UncertaintyBudget budget = VolumeUncertainty(inputs);
-  EXPECT_GT(budget.matching, 0);
-  EXPECT_GT(budget.floor, 0);
-  EXPECT_GE(budget.completion, 0);
-  EXPECT_GT(budget.relief, 0);
-  EXPECT_GT(budget.Expanded_m3(), 0);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "pipeline/edge_limit.h"
 #include "pipeline/volume.h"
 
 namespace granary {
