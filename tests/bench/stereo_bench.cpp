@@ -2,7 +2,6 @@
 // its peak of memory is its own, and the processes take turns, so that a busy machine slows all of them alike. Usage:
 // stereo_bench [--quick] [--rounds N]
 #include <sys/resource.h>
-#include <sys/utsname.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -24,6 +23,7 @@
 #include <hwy/targets.h>
 #include <opencv2/core.hpp>
 
+#include "tests/bench/machine.h"
 #include "tests/bench/stereo_case.h"
 #include "tests/bench/stereo_limit.h"
 #include "tests/bench/stereo_pairs.h"
@@ -75,22 +75,9 @@ void RunCase(const std::string& self, const StereoCase& what, bool keep_memory, 
   if (pclose(pipe) != 0 || !complete) figures.failure = last.substr(0, last.find('\n'));
 }
 
-void PrintMachine(int count, char** arguments) {
-  utsname name{};
-  uname(&name);
-  std::string line, model = name.machine;
-  for (std::ifstream cpu("/proc/cpuinfo"); std::getline(cpu, line);) {
-    if (line.starts_with("model name")) model = line.substr(line.find(':') + 2);
-  }
-  double load = 0;
-  const bool loaded = getloadavg(&load, 1) == 1;
+void PrintInstructionSet() {
   const std::int64_t sets = hwy::SupportedTargets();
-  std::printf("command:");
-  for (int i = 0; i < count; ++i) std::printf(" %s", arguments[i]);
-  std::printf("\nmachine: %s, %u hardware threads, %s %s, best instruction set %s, load %.1f\n", model.c_str(),
-              std::thread::hardware_concurrency(), name.sysname, name.release, hwy::TargetName(sets & -sets),
-              loaded ? load : -1.0);
-  std::printf("compiler: g++ %s, OpenCV %s\n", __VERSION__, CV_VERSION);
+  std::printf("best instruction set: %s\n", hwy::TargetName(sets & -sets));
 }
 
 struct Size {
@@ -237,6 +224,7 @@ int Main(int argc, char** argv) {
     }
   }
   PrintMachine(argc, argv);
+  PrintInstructionSet();
   const std::string self = fs::read_symlink("/proc/self/exe").string();
   const fs::path folder = fs::temp_directory_path() / ("stereo_bench." + std::to_string(getpid()));
   fs::create_directory(folder);
