@@ -28,7 +28,7 @@ constexpr double kStep = 0.01;
 // left is the same with either calibration.
 constexpr int kUndistortRounds = 10;
 
-/// What the rig measures: the points of the grain and, where the floor was measured, of the floor.
+/// What the rig sees: points of the grain in even columns, the floor's under them in odd ones.
 struct Scene {
   Points points_in_left;
   Points weights_in_left;  ///< m²: a volume changes by the sum of products with the points' displacements
@@ -52,19 +52,18 @@ std::vector<cv::Point2d> Project(const std::vector<cv::Point3d>& points, const c
 Scene SceneOf(const std::vector<SurfaceSample>& samples, const StereoCalibration& calibration,
               const RigidTransform& world_from_left, FloorSource floor) {
   const RigidTransform left_from_world = world_from_left.inverse();
-  const std::size_t count = samples.size(), per_sample = floor == FloorSource::kMeasured ? 2 : 1;
-  Points points(3, per_sample * count), weights(3, per_sample * count);
+  const std::size_t count = samples.size();
+  const double floor_counts = floor == FloorSource::kMeasured ? 1 : 0;
+  Points points(3, 2 * count), weights(3, 2 * count);
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   double all_m2 = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const SurfaceSample& s = samples[i];
     const Eigen::Vector3d floor_point(s.grain_in_world.x(), s.grain_in_world.y(), s.floor_z_m);
-    points.col(per_sample * i) = left_from_world * s.grain_in_world;
-    weights.col(per_sample * i) = s.area_m2 * Eigen::Vector3d(-s.grain_slope.x(), -s.grain_slope.y(), 1);
-    if (per_sample == 2) {
-      points.col(2 * i + 1) = left_from_world * floor_point;
-      weights.col(2 * i + 1) = -s.area_m2 * Eigen::Vector3d(-s.floor_slope.x(), -s.floor_slope.y(), 1);
-    }
+    points.col(2 * i) = left_from_world * s.grain_in_world;
+    points.col(2 * i + 1) = left_from_world * floor_point;
+    weights.col(2 * i) = s.area_m2 * Eigen::Vector3d(-s.grain_slope.x(), -s.grain_slope.y(), 1);
+    weights.col(2 * i + 1) = -floor_counts * s.area_m2 * Eigen::Vector3d(-s.floor_slope.x(), -s.floor_slope.y(), 1);
     middle += s.area_m2 * floor_point;
     all_m2 += s.area_m2;
   }
@@ -84,12 +83,12 @@ Scene SceneOf(const std::vector<SurfaceSample>& samples, const StereoCalibration
   double seen_m2 = 0;
   for (std::size_t i = 0; i < count; ++i) {
     bool seen = true;
-    for (std::size_t k = per_sample * i; k < per_sample * (i + 1); ++k) {
+    for (std::size_t k = 2 * i; k < 2 * i + 2; ++k) {
       seen = seen && picture.contains(left_pixels[k]) && picture.contains(right_pixels[k]);
     }
     if (!seen) continue;
     seen_m2 += samples[i].area_m2;
-    for (std::size_t k = per_sample * i; k < per_sample * (i + 1); ++k, ++kept) {
+    for (std::size_t k = 2 * i; k < 2 * i + 2; ++k, ++kept) {
       points.col(kept) = points.col(k);
       weights.col(kept) = weights.col(k);
       scene.raw_left.push_back(left_pixels[k]);
@@ -128,6 +127,28 @@ Points Triangulate(const Scene& scene, const StereoCalibration& calibration) {
   return left_from_rectified * rectified;
 }
 
+/// The small turn and shift of the left camera (first three, last three) that takes the floor to where the raw left
+/// picture has it by the calibration `after` instead of `before`.
+Eigen::Matrix<double, 6, 1> PoseStep(const Scene& scene, const StereoCalibration& before,
+                                     const StereoCalibration& after) {
+  std::vector<cv::Point2d> floor, from, to;
+  for (std::size_t i = 1; i < scene.raw_left.size(); i += 2) floor.push_back(scene.raw_left[i]);
+  const cv::TermCriteria rounds(cv::TermCriteria::COUNT, kUndistortRounds, 0);
+  cv::undistortPoints(floor, from, before.K1, before.D1, cv::noArray(), cv::noArray(), rounds);
+  cv::undistortPoints(floor, to, after.K1, after.D1, cv::noArray(), cv::noArray(), rounds);
+  const auto count = static_cast<Eigen::Index>(floor.size());
+  Eigen::MatrixXd design(2 * count, 6);
+  Eigen::VectorXd moves(2 * count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Eigen::Vector3d p = scene.points_in_left.col(2 * i + 1);
+    const double x = p.x() / p.z(), y = p.y() / p.z();
+    design.row(2 * i) << -x * y, 1 + x * x, -y, 1 / p.z(), 0, -x / p.z();
+    design.row(2 * i + 1) << -(1 + y * y), x * y, x, 0, 1 / p.z(), -y / p.z();
+    moves.segment<2>(2 * i) << to[i].x - from[i].x, to[i].y - from[i].y;
+  }
+  return design.colPivHouseholderQr().solve(moves);
+}
+
 /// Columns whose squares sum to the covariance: one standard deviation along each independent direction.
 Eigen::MatrixXd RootOf(const StereoCalibration& calibration) {
   const int count = calibration.ParameterCount();
@@ -151,22 +172,30 @@ Eigen::MatrixXd RootOf(const StereoCalibration& calibration) {
          eigen.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();  // below 0 is rounding
 }
 
-double FromCovariance_m3(const Scene& scene, const StereoCalibration& calibration) {
+double FromCovariance_m3(const Scene& scene, const StereoCalibration& calibration, PoseOrigin pose) {
   const Eigen::MatrixXd root = RootOf(calibration);
   const Points before = Triangulate(scene, calibration);
   double squares = 0;
   for (Eigen::Index k = 0; k < root.cols(); ++k) {
     if (root.col(k).isZero(0)) continue;
-    const Points after = Triangulate(scene, Moved(calibration, kStep * root.col(k)));
-    const double change_m3 = Change_m3(scene, after - before) / kStep;
+    const StereoCalibration moved = Moved(calibration, kStep * root.col(k));
+    Points displacements = Triangulate(scene, moved) - before;
+    if (pose == PoseOrigin::kFoundWithCalibration) {
+      const Eigen::Matrix<double, 6, 1> step = PoseStep(scene, calibration, moved);
+      for (Eigen::Index i = 0; i < displacements.cols(); ++i) {
+        displacements.col(i) -= step.head<3>().cross(scene.points_in_left.col(i)) + step.tail<3>();
+      }
+    }
+    const double change_m3 = Change_m3(scene, displacements) / kStep;
     squares += change_m3 * change_m3;
   }
   return std::sqrt(squares);
 }
 
-double FromDefault_m3(const Scene& scene, const StereoCalibration& calibration) {
+double FromDefault_m3(const Scene& scene, const StereoCalibration& calibration, PoseOrigin pose) {
   const RectifiedCameras cameras = RectifyCameras(calibration);
   const double focal_px = cameras.P1(0, 0);
+  const Eigen::Vector3d axis(cameras.R1(2, 0), cameras.R1(2, 1), cameras.R1(2, 2));
   double scale_m3 = 0;
   Eigen::Vector3d disparity_m3 = Eigen::Vector3d::Zero(), turn_m3 = Eigen::Vector3d::Zero();
   for (Eigen::Index i = 0; i < scene.points_in_left.cols(); ++i) {
@@ -174,13 +203,15 @@ double FromDefault_m3(const Scene& scene, const StereoCalibration& calibration) 
     const cv::Vec3d rectified = cameras.R1 * cv::Vec3d(p.x(), p.y(), p.z());
     const double x = (focal_px * rectified[0] / rectified[2] + cameras.P1(0, 2)) / calibration.image_size.width;
     const double y = (focal_px * rectified[1] / rectified[2] + cameras.P1(1, 2)) / calibration.image_size.height;
-    // Errors of depth move a point along the left camera's ray, by a share of its distance.
-    const double along = weight.dot(p), along_per_px = along * rectified[2] / (focal_px * cameras.Baseline_m());
-    scale_m3 += kDepthScale * along;
-    disparity_m3 += along_per_px * Eigen::Vector3d(kDisparityOffset_px, kDisparitySlope_px * (x - 0.5),
-                                                   kDisparitySlope_px * (y - 0.5));
+    // Boards fix the size of things: errors of depth move a point along the optical axis, not along its ray.
+    const double moved_m3 = rectified[2] * weight.dot(axis), per_px = rectified[2] / (focal_px * cameras.Baseline_m());
+    scale_m3 += kDepthScale * moved_m3;
+    disparity_m3 +=
+        moved_m3 * per_px *
+        Eigen::Vector3d(kDisparityOffset_px, kDisparitySlope_px * (x - 0.5), kDisparitySlope_px * (y - 0.5));
     turn_m3 += kPrincipalPoint_px / focal_px * p.cross(weight);  // a turn t moves p by t × p
   }
+  if (pose == PoseOrigin::kFoundWithCalibration) turn_m3.setZero();  // the whole of a turn is the pose's
   return std::sqrt(scale_m3 * scale_m3 + disparity_m3.squaredNorm() + turn_m3.head<2>().squaredNorm());
 }
 
@@ -197,10 +228,22 @@ double FromPose_m3(const Scene& scene) {
 }  // namespace
 
 RigDeviation VolumeDeviation(const std::vector<SurfaceSample>& samples, const StereoCalibration& calibration,
-                             const RigidTransform& world_from_left, FloorSource floor) {
+                             const RigidTransform& world_from_left, FloorSource floor, PoseOrigin pose) {
   const Scene scene = SceneOf(samples, calibration, world_from_left, floor);
-  return {calibration.covariance.empty() ? FromDefault_m3(scene, calibration) : FromCovariance_m3(scene, calibration),
-          FromPose_m3(scene)};
+  RigDeviation out;
+  out.pose_m3 = FromPose_m3(scene);
+  if (!calibration.covariance.empty()) {
+    out.calibration_m3 = FromCovariance_m3(scene, calibration, pose);
+  } else if (floor == FloorSource::kMeasured || pose == PoseOrigin::kIndependent) {
+    out.calibration_m3 = FromDefault_m3(scene, calibration, pose);
+  } else {
+    const Scene over_floor = SceneOf(samples, calibration, world_from_left, FloorSource::kMeasured);
+    double floor_m2 = 0;
+    for (const SurfaceSample& sample : samples) floor_m2 += sample.area_m2;
+    out.calibration_m3 =
+        std::hypot(FromDefault_m3(over_floor, calibration, pose), kFoundFloor * scene.camera_height_m * floor_m2);
+  }
+  return out;
 }
 
 }  // namespace granary

@@ -25,6 +25,12 @@ enum class FloorSource {
   kPose,      ///< z = 0, whatever the rig is like
 };
 
+/// What the pose has to do with the calibration.
+enum class PoseOrigin {
+  kIndependent,           ///< nothing: the rig's place in the world stays what it is
+  kFoundWithCalibration,  ///< it fits the floor's places to the left picture by this very calibration
+};
+
 /// Standard deviations of one volume (k = 1).
 struct RigDeviation {
   double calibration_m3 = 0;
@@ -46,6 +52,9 @@ inline constexpr double kDepthScale = 5.5e-4;        ///< the same share of ever
 inline constexpr double kDisparityOffset_px = 0.05;  ///< the same everywhere
 inline constexpr double kDisparitySlope_px = 0.05;   ///< from left edge to right; from upper edge to lower
 inline constexpr double kPrincipalPoint_px = 1.0;    ///< all rays turned about the left camera; its x and its y
+/// Share of the camera's height by which the floor of a pose found with the calibration misses the floor that the pair
+/// triangulates. The two errors above come almost together in both.
+inline constexpr double kFoundFloor = 1e-4;
 
 /// To first order, after the GUM (JCGM 100:2008, 5.1 and 5.2): the volume's change for one standard deviation along
 /// each independent direction of what is uncertain, squares summed.
@@ -55,6 +64,9 @@ inline constexpr double kPrincipalPoint_px = 1.0;    ///< all rays turned about 
 /// height at a fixed place then changes by `δz − slope·δxy`. Turns of the pose are about the middle of the floor, where
 /// tilt and height of a plane found from the floor are independent.
 ///
+/// A pose that was found with the calibration takes most of the errors of the rays upon itself: what is left is how
+/// they differ between grain and floor. Errors of depth stay.
+///
 /// Samples that are not in both pictures are measured by no one: the others stand for their area.
 /// @param calibration with its covariance, or without: then the default above
 /// @throws std::invalid_argument when no sample is in both pictures, when a covariance does not fit its calibration,
@@ -62,6 +74,6 @@ inline constexpr double kPrincipalPoint_px = 1.0;    ///< all rays turned about 
 ///   what RectifyCameras refuses
 [[nodiscard]] RigDeviation VolumeDeviation(const std::vector<SurfaceSample>& samples,
                                            const StereoCalibration& calibration, const RigidTransform& world_from_left,
-                                           FloorSource floor);
+                                           FloorSource floor, PoseOrigin pose = PoseOrigin::kIndependent);
 
 }  // namespace granary

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <string>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 #include <Eigen/Dense>
@@ -116,24 +116,28 @@ void PrintCalibrationModes(const RigWorld& world, int calibrations) {
               second(0, 1) / (rms[0] * rms[1]));
   std::printf("  disparity slope %.3f px across, %.3f px down   turn of the rays %.2f px about x, %.2f px about y\n",
               rms[2], rms[3], rms[4], rms[5]);
-  std::printf("\nstandard deviation in %% of the volume\n%-34s %8s %8s %8s %9s %8s\n", "grain 0.1 m deep", "least",
+  std::printf("\nstandard deviation in %% of the volume\n%-46s %8s %8s %8s %9s %8s\n", "grain 0.1 m deep", "least",
               "median", "most", "default", "pose");
   struct Case {
     const char* name;
     double slope_x, slope_y;
   };
   for (const Case& c : {Case{"level", 0, 0}, {"slope 0.3 along x", 0.3, 0}, {"slope 0.3 along y", 0, 0.3}}) {
-    for (const auto& [floor, floor_name] :
-         {std::pair{FloorSource::kMeasured, "measured floor"}, {FloorSource::kPose, "floor z = 0"}}) {
+    for (const auto& [floor, pose, name] :
+         {std::tuple{FloorSource::kMeasured, PoseOrigin::kIndependent, "measured floor"},
+          {FloorSource::kMeasured, PoseOrigin::kFoundWithCalibration, "measured floor, found pose"},
+          {FloorSource::kPose, PoseOrigin::kIndependent, "floor z = 0"},
+          {FloorSource::kPose, PoseOrigin::kFoundWithCalibration, "floor z = 0, found pose"}}) {
       const auto samples = Grain(world, 0.1, c.slope_x, c.slope_y);
       const double percent = 100 / (0.1 * GrainFloor_m2(world.bin));
       std::vector<double> stated;
       for (const StereoCalibration& calibration : found) {
-        stated.push_back(percent * VolumeDeviation(samples, calibration, world.world_from_left, floor).calibration_m3);
+        stated.push_back(percent *
+                         VolumeDeviation(samples, calibration, world.world_from_left, floor, pose).calibration_m3);
       }
       std::sort(stated.begin(), stated.end());
-      const RigDeviation plain = VolumeDeviation(samples, world.calibration, world.world_from_left, floor);
-      std::printf("%-18s %-15s %8.3f %8.3f %8.3f %9.3f %8.3f\n", c.name, floor_name, stated.front(),
+      const RigDeviation plain = VolumeDeviation(samples, world.calibration, world.world_from_left, floor, pose);
+      std::printf("%-18s %-27s %8.3f %8.3f %8.3f %9.3f %8.3f\n", c.name, name, stated.front(),
                   stated[stated.size() / 2], stated.back(), percent * plain.calibration_m3, percent * plain.pose_m3);
     }
   }
