@@ -23,41 +23,13 @@
 #include "pipeline/delaunay.h"
 #include "pipeline/segment.h"
 #include "pipeline/volume.h"
+#include "tests/bench/box_scene.h"
 
 namespace granary {
 namespace {
 
-constexpr int kWidth = 1300, kHeight = 1000;
+constexpr int kWidth = BoxScene::kWidth, kHeight = BoxScene::kHeight;
 constexpr double kDistance_m = 0.004;
-
-/// What a camera 1.1 m over the paper's box sees of it, in picture order, noise 0.3 mm: empty, or with a heap.
-std::vector<Eigen::Vector3f> SeeBox(bool filled, unsigned seed) {
-  constexpr double kLength = 0.52, kBreadth = 0.355, kTop = 0.285, kCamera = 1.1, kFocal_px = 2400;
-  std::mt19937 random(seed);
-  std::normal_distribution<double> noise(0, 0.0003);
-  std::vector<Eigen::Vector3f> cloud;
-  const Eigen::Vector3d camera(kLength / 2, kBreadth / 2, kCamera);
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u) {
-      const double dx = (u - kWidth / 2.0) / kFocal_px, dy = (v - kHeight / 2.0) / kFocal_px;
-      double z = 0;
-      if (filled) {
-        for (int i = 0; i < 20; ++i) {
-          const double x = camera.x() + dx * (kCamera - z), y = camera.y() + dy * (kCamera - z);
-          z = 0.10 + 0.05 * std::sin(6 * x) * std::cos(5 * y);
-        }
-      }
-      double depth = kCamera - z;
-      const double to_wall =
-          std::min(kLength / 2 / std::max(std::abs(dx), 1e-9), kBreadth / 2 / std::max(std::abs(dy), 1e-9));
-      if (to_wall < depth && kCamera - to_wall < kTop) depth = to_wall;  // a wall inside the box
-      if (to_wall <= kCamera - kTop) depth = kCamera;                    // past the rim, the ground outside
-      const Eigen::Vector3d point = camera + (depth + noise(random)) * Eigen::Vector3d(dx, dy, -1);
-      cloud.push_back(point.cast<float>());
-    }
-  }
-  return cloud;
-}
 
 const std::vector<Eigen::Vector3f>& FullBox() {
   static const auto cloud = SeeBox(true, 1);
