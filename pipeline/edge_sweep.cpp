@@ -13,6 +13,7 @@
 #include <Eigen/Core>
 
 #include "pipeline/compensated_sum.h"
+#include "pipeline/edge_limit.h"
 #include "pipeline/volume.h"
 
 namespace granary {
@@ -68,8 +69,8 @@ std::vector<EdgeSweepStep> SweepEdgeLimits(const Surface& surface, std::span<con
       const double volume =
           PrismVolume_m3(area, surface.height_m[t[0]], surface.height_m[t[1]], surface.height_m[t[2]]);
       if (!std::isfinite(volume)) throw std::invalid_argument("edge sweep: a triangle has a corner that is not finite");
-      const double longest = std::max({(a - b).squaredNorm(), (b - c).squaredNorm(), (c - a).squaredNorm()});
-      const auto first = std::lower_bound(squared.begin(), squared.end(), longest) - squared.begin();
+      const auto first =
+          std::lower_bound(squared.begin(), squared.end(), LongestEdgeSquared(a, b, c)) - squared.begin();
       if (first == std::ssize(squared)) continue;
       Sums& sum = sums[static_cast<std::size_t>(first)];
       const bool completed = surface.interpolated[t[0]] || surface.interpolated[t[1]] || surface.interpolated[t[2]];

@@ -2,11 +2,9 @@
 // triangles then give the volume at every threshold.
 #include <CLI/CLI.hpp>
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -20,7 +18,6 @@
 #include "daemon/ctl/setup.h"
 #include "daemon/ctl/sweep_plot.h"
 #include "daemon/ctl/sweep_table.h"
-#include "drivers/rig.h"
 #include "pipeline/edge_sweep.h"
 #include "pipeline/file_bytes.h"
 #include "pipeline/file_error.h"
@@ -39,51 +36,29 @@ struct SweepArguments {
   std::string folder = ".";
 };
 
-/// Gives the pairs of repeat `index`, one for each rig.
-struct Source {
-  std::size_t repeats = 0;
-  std::function<std::vector<FramePair>(std::size_t index)> take;
-};
-
-/// All rigs stay open between the repeats: a simulated one that is opened again would give the same noise again.
-Source FromCameras(const ChosenBin& bin, std::size_t repeats) {
-  const auto rigs = std::make_shared<std::vector<Rig>>();
-  for (const ChosenRig& rig : bin.rigs) {
-    RigOptions options = rig.options;
-    if (rig.Simulated() && options.sim.motion != SimMotion::kStill) {
-      Say("rig " + options.name + ": the simulated grain stands still for the sweep");
-      options.sim.motion = SimMotion::kStill;
+/// Each repeat is a shot: one pair a rig.
+std::vector<Shot> TakeRepeats(ChosenBin bin, const FrameFiles& files, std::optional<int> wanted) {
+  if (files.frames.empty()) {
+    bin.config.shots = wanted.value_or(kUsualRepeats);
+    for (ChosenRig& rig : bin.rigs) {
+      if (!rig.Simulated() || rig.options.sim.motion == SimMotion::kStill) continue;
+      Say("rig " + rig.options.name + ": the simulated grain stands still for the sweep");
+      rig.options.sim.motion = SimMotion::kStill;
     }
-    rigs->push_back(OpenRig(options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left}));
+    return TakeShots(bin, files);
   }
-  return {repeats, [rigs](std::size_t) {
-            std::vector<FramePair> pairs;
-            for (Rig& rig : *rigs) pairs.push_back(rig.CapturePair());
-            return pairs;
-          }};
-}
-
-Source FromFiles(const ChosenBin& bin, const FrameFiles& files, std::optional<std::size_t> wanted) {
-  const std::size_t a_repeat = 2 * bin.rigs.size(), given = files.frames.size() / a_repeat;
-  if (files.frames.size() % a_repeat != 0) {
-    throw UsageError("--frames: " + std::to_string(files.frames.size()) + " files; " + std::to_string(a_repeat) +
-                     " are wanted for each repeat, left and right of each rig");
-  }
-  if (!files.ambient.empty() && files.ambient.size() != files.frames.size()) {
-    throw UsageError("--ambient: as many files as --frames are wanted");
-  }
+  std::vector<Shot> shots = TakeShots(bin, files);
+  const auto given = static_cast<int>(shots.size());
   if (wanted && *wanted > given) {
     Say("--repeats " + std::to_string(*wanted) + ": the files make " + std::to_string(given) +
         "; each is measured once, since the same pictures give the same volume");
   }
-  const auto part = [a_repeat](const std::vector<std::filesystem::path>& all, std::size_t index) {
-    if (all.empty()) return all;
-    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(index * a_repeat);
-    return std::vector<std::filesystem::path>(begin, begin + static_cast<std::ptrdiff_t>(a_repeat));
-  };
-  return {std::min(wanted.value_or(given), given), [&bin, &files, part](std::size_t index) {
-            return TakePairs(bin, {part(files.frames, index), part(files.ambient, index)});
-          }};
+  if (wanted && *wanted < given) {
+    Say("--repeats " + std::to_string(*wanted) + ": of the " + std::to_string(given) +
+        " that the files make, the first");
+    shots.resize(static_cast<std::size_t>(*wanted));
+  }
+  return shots;
 }
 
 SweepRepeat SweepRun(const PipelineRun& run, const std::vector<double>& thresholds_m) {
@@ -110,17 +85,12 @@ int Sweep(const GlobalOptions& global, const SweepArguments& arguments) {
   if (arguments.volume_m3 && !(*arguments.volume_m3 > 0 && std::isfinite(*arguments.volume_m3))) {
     throw UsageError("--volume: the true volume in m³, larger than 0, is wanted");
   }
-  const bool from_files = !arguments.files.frames.empty();
-  if (!from_files && !arguments.files.ambient.empty()) throw UsageError("--ambient goes with --frames");
-
   ChosenBin bin = ChooseBin(global, arguments.rig);
   bin.config.pipeline.surface.edge_threshold_m.reset();
-  std::optional<std::size_t> wanted;
-  if (arguments.repeats) wanted = static_cast<std::size_t>(*arguments.repeats);
-  const Source source =
-      from_files ? FromFiles(bin, arguments.files, wanted) : FromCameras(bin, wanted.value_or(kUsualRepeats));
+  const std::vector<Shot> shots = TakeRepeats(bin, arguments.files, arguments.repeats);
 
   std::vector<RigSetup> setups = bin.Setups();
+  const bool from_files = !arguments.files.frames.empty();
   for (std::size_t i = 0; i < setups.size(); ++i) setups[i].reference = ReferenceFor(bin, i, from_files);
   const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
   for (const std::string& note : pipeline.Notes()) Say(note);
@@ -128,10 +98,10 @@ int Sweep(const GlobalOptions& global, const SweepArguments& arguments) {
   std::vector<SweepRepeat> repeats;
   UtcTime utc{};
   bool simulated = false;
-  for (std::size_t i = 0; i < source.repeats; ++i) {
-    const PipelineRun run = pipeline.Run(source.take(i), bin.config.inventory);
+  for (std::size_t i = 0; i < shots.size(); ++i) {
+    const PipelineRun run = pipeline.Run(shots[i], bin.config.inventory);
     const Measurement& m = run.measurement;
-    const std::string which = "measurement " + std::to_string(i + 1) + " of " + std::to_string(source.repeats);
+    const std::string which = "measurement " + std::to_string(i + 1) + " of " + std::to_string(shots.size());
     if (!m.valid) throw std::runtime_error(which + ": " + std::string(InfoOf(m.reason).name) + ": " + m.detail);
     Say(which + (m.simulated ? " (simulated)" : ""));
     if (i == 0) utc = m.utc;

@@ -141,7 +141,7 @@ TEST_F(Ctl, ASweepNeedsARangeOfThresholds) {
 TEST_F(Ctl, ASweepNamesArgumentsThatCannotBe) {
   EXPECT_THAT(Error("-c one.toml sweep --repeats 0", 2), HasSubstr("--repeats"));
   EXPECT_THAT(Error("-c one.toml sweep --volume 0", 2), HasSubstr("--volume"));
-  EXPECT_THAT(Error("-c one.toml sweep --frames l.png r.png l.png", 2), HasSubstr("3 files; 2 are wanted"));
+  EXPECT_THAT(Error("-c one.toml sweep --frames l.png r.png l.png", 2), HasSubstr("3 files for 1 rig"));
   EXPECT_THAT(Error("-c one.toml sweep --frames l.png r.png --ambient l.png", 2), HasSubstr("--ambient"));
   EXPECT_THAT(Error("-c one.toml sweep --ambient l.png r.png", 2), HasSubstr("--ambient goes with --frames"));
 }
