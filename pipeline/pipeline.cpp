@@ -34,6 +34,7 @@ constexpr double kWindowPixels = 6;
 // More of the surface above the top of the bin than this is not a stray point.
 constexpr double kMaxAboveShare = 0.02;
 
+constexpr double kUnknownRig = 0.01;        // of the volume, where calibration and pose cannot be judged
 constexpr std::size_t kFewestPoints = 100;  // on the grain floor; fewer are no surface
 
 // Neighbouring disparities share their window's noise.
@@ -59,6 +60,17 @@ CloudNoise NoiseOfReference(const Reference& reference, const RigGeometry& rig, 
   noise.correlated_px = CorrelatedPixels(options.stereo);
   noise.depth_step_m = rig.floor_step_m;
   return noise;
+}
+
+// A pose is found by the pictures that the calibration explains, so that their errors go together.
+RigDeviation DeviationOf(const RigGeometry& rig, const std::vector<SurfaceSample>& samples, FloorSource floor,
+                         double volume_m3) {
+  try {
+    return VolumeDeviation(samples, rig.setup.calibration, rig.setup.world_from_left, floor,
+                           PoseOrigin::kFoundWithCalibration);
+  } catch (const std::invalid_argument&) {  // so little was seen that no sample lies in both pictures
+    return {kUnknownRig * std::abs(volume_m3), 0};
+  }
 }
 
 std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
@@ -377,7 +389,7 @@ UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeRes
   const FloorSource source = floor.Measured() ? FloorSource::kMeasured : FloorSource::kPose;
   const double share = 1.0 / static_cast<double>(rigs.size());
   for (const RigGeometry& rig : rigs) {
-    const RigDeviation deviation = VolumeDeviation(samples, rig.setup.calibration, rig.setup.world_from_left, source);
+    const RigDeviation deviation = DeviationOf(rig, samples, source, volume.total_m3);
     in.calibration_m3 = std::hypot(in.calibration_m3, share * deviation.calibration_m3);
     in.pose_m3 = std::hypot(in.pose_m3, share * deviation.pose_m3);
   }

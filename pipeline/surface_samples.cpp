@@ -9,7 +9,9 @@ namespace granary {
 
 namespace {
 
-constexpr int kAlong = 20;               // patches along the longer side
+constexpr int kAlong = 20;    // patches along each side of the rectangle around the floor
+constexpr int kFinest = 320;  // where the floor is a narrow part of it
+constexpr std::size_t kFewest = 30;
 constexpr std::size_t kEnough = 50'000;  // vertices that planes over patches need
 
 }  // namespace
@@ -32,17 +34,21 @@ std::vector<SurfaceSample> SampleSurface(const Surface& surface, const Floor& fl
                            height_at(place + dy) - height_at(place - dy)) /
            step_m;
   };
-  for (double y = box.min().y() + step_m / 2; y < box.max().y(); y += step_m) {
-    for (double x = box.min().x() + step_m / 2; x < box.max().x(); x += step_m) {
-      const Eigen::Vector2d place(x, y);
-      if (!IsGrainFloor(bin, place)) continue;
-      const auto grain_at = [&](const Eigen::Vector2d& p) { return planes.HeightAt(p, kAnySlope).value(); };
-      const auto floor_at = [&](const Eigen::Vector2d& p) { return floor.HeightAt(p); };
-      SurfaceSample& sample = samples.emplace_back();
-      sample.grain_in_world << place, grain_at(place);
-      sample.grain_slope = slope(grain_at, place);
-      sample.floor_z_m = floor_at(place);
-      sample.floor_slope = slope(floor_at, place);
+  for (int along = kAlong; samples.size() < kFewest && along <= kFinest; along *= 2) {
+    samples.clear();
+    for (int row = 0; row < along; ++row) {
+      for (int column = 0; column < along; ++column) {
+        const Eigen::Vector2d place =
+            box.min() + box.sizes().cwiseProduct(Eigen::Vector2d(column + 0.5, row + 0.5) / along);
+        if (!IsGrainFloor(bin, place)) continue;
+        const auto grain_at = [&](const Eigen::Vector2d& p) { return planes.HeightAt(p, kAnySlope).value(); };
+        const auto floor_at = [&](const Eigen::Vector2d& p) { return floor.HeightAt(p); };
+        SurfaceSample& sample = samples.emplace_back();
+        sample.grain_in_world << place, grain_at(place);
+        sample.grain_slope = slope(grain_at, place);
+        sample.floor_z_m = floor_at(place);
+        sample.floor_slope = slope(floor_at, place);
+      }
     }
   }
   for (SurfaceSample& sample : samples) sample.area_m2 = GrainFloor_m2(bin) / static_cast<double>(samples.size());

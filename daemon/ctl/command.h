@@ -40,6 +40,7 @@ using Command = std::function<int()>;
 /// `global` is read when the command runs.
 void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddSweep(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddGrainOffset(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddReference(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddDisparity(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddSnapshot(CLI::App& app, const GlobalOptions& global, Command& chosen);

@@ -57,6 +57,7 @@ int Main(int argc, char** argv) {
   app.fallthrough();  // the global options may also follow the command
   AddMeasure(app, global, chosen);
   AddSweep(app, global, chosen);
+  AddGrainOffset(app, global, chosen);
   AddReference(app, global, chosen);
   AddDisparity(app, global, chosen);
   AddSnapshot(app, global, chosen);

@@ -5,14 +5,12 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "daemon/ctl/command.h"
+#include "daemon/ctl/run.h"
 #include "daemon/ctl/save_run.h"
 #include "daemon/ctl/setup.h"
 #include "daemon/ctl/summary.h"
-#include "daemon/memory.h"
 #include "daemon/record_json.h"
 
 namespace granary {
@@ -23,6 +21,7 @@ struct MeasureArguments {
   std::optional<double> threshold_m;
   std::string rig;
   std::string save;
+  bool budget = false;
 };
 
 int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
@@ -30,24 +29,11 @@ int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
   if (arguments.threshold_m) bin.config.pipeline.surface.edge_threshold_m = arguments.threshold_m;
   for (const std::string& fault : Faults(bin.config.pipeline.surface)) throw UsageError("--threshold: " + fault);
 
-  std::vector<RigSetup> setups = bin.Setups();
-  for (std::size_t i = 0; i < setups.size(); ++i) {
-    setups[i].reference = ReferenceFor(bin, i, !arguments.files.frames.empty());
-  }
-  const double start_ms = SteadyMilliseconds();
-  const std::vector<Shot> shots = TakeShots(bin, arguments.files);
-  const double capture_ms = SteadyMilliseconds() - start_ms;
-
-  const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
-  for (const std::string& note : pipeline.Notes()) Say(note);
-  PipelineRun run = pipeline.RunShots(shots, bin.config.inventory, SteadyMilliseconds);
-  Measurement& record = run.measurement;
-  record.timings_ms.capture = capture_ms;
-  record.timings_ms.total += capture_ms;
-  record.peak_rss_mib = PeakRss_mib();
-
+  const PipelineRun run = MeasureBin(bin, arguments.files);
+  const Measurement& record = run.measurement;
   if (!arguments.save.empty()) SaveRun(arguments.save, bin, run);
   Say(Summary(record, bin.config.bin));
+  if (arguments.budget && record.budget) Say(BudgetTable(record));
   if (global.json) PrintJson(RecordToJson(record));
   return record.valid ? kDone : kFailed;
 }
@@ -58,11 +44,13 @@ void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen) {
   const auto arguments = std::make_shared<MeasureArguments>();
   CLI::App* command = app.add_subcommand("measure", "one full measurement; never published");
   command
-      ->add_option("--frames", arguments->files.frames, "left and right picture of each rig, in place of its cameras; several times for several shots")
+      ->add_option("--frames", arguments->files.frames,
+                   "left and right picture of each rig, in place of its cameras; several times for several shots")
       ->type_name("L R");
   command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
   command->add_option("--threshold", arguments->threshold_m, "longest edge of a triangle, metres")->type_name("M");
   command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
+  command->add_flag("--budget", arguments->budget, "print what the uncertainty is made of, term by term");
   command->add_option("--save", arguments->save, "write every intermediate there")->type_name("DIR");
   command->callback([=, &global, &chosen] { chosen = [=, &global] { return Measure(global, *arguments); }; });
 }

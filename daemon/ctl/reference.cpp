@@ -61,7 +61,7 @@ int TakeReferences(const GlobalOptions& global, const ReferenceArguments& argume
       throw UsageError("--frames: bin " + std::to_string(bin.config.bin.id) +
                        " has several rigs; --rig NAME is needed");
     if (arguments.files.frames.size() != 2) throw UsageError("--frames: one pair, left and right, is wanted");
-    taken.push_back(TakeOne(bin, 0, TakePairs(bin, arguments.files).front()));
+    taken.push_back(TakeOne(bin, 0, LoadShot(bin, arguments.files).front()));
   }
   if (global.json) PrintJson(taken.size() == 1 ? taken.front() : taken);
   return kDone;

@@ -76,13 +76,8 @@ ChosenBin ChooseBin(const GlobalOptions& global, const std::string& rig) {
   return chosen;
 }
 
-std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files) {
-  std::vector<FramePair> pairs;
-  if (files.frames.empty()) {
-    if (!files.ambient.empty()) throw UsageError("--ambient goes with --frames");
-    for (const ChosenRig& rig : bin.rigs) pairs.push_back(CapturePair(bin, rig, false));
-    return pairs;
-  }
+Shot LoadShot(const ChosenBin& bin, const FrameFiles& files) {
+  Shot pairs;
   if (files.frames.size() != 2 * bin.rigs.size()) {
     throw UsageError("--frames: " + std::to_string(files.frames.size()) + " files for " + Rigs(bin.rigs.size()) +
                      "; left and right of each rig are wanted (--rig NAME picks one rig)");
@@ -117,7 +112,7 @@ std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files) {
         const auto begin = all.begin() + static_cast<std::ptrdiff_t>(first);
         return std::vector(begin, begin + static_cast<std::ptrdiff_t>(a_shot));
       };
-      shots.push_back(TakePairs(bin, {part(files.frames), part(files.ambient)}));
+      shots.push_back(LoadShot(bin, {part(files.frames), part(files.ambient)}));
     }
     return shots;
   }

@@ -39,14 +39,14 @@ struct FrameFiles {
   std::vector<std::filesystem::path> ambient;  ///< as many, or none
 };
 
-/// One pair for each rig: from the files when there are any, else from the cameras, one rig after the other.
-/// Files are given the time at which they are read, as a replay camera would: they do not tell when they were taken.
-/// @throws UsageError when the files do not fit the rigs; FileError, DeviceError
-[[nodiscard]] std::vector<FramePair> TakePairs(const ChosenBin& bin, const FrameFiles& files);
+/// One pair for each rig from files. They are given the time at which they are read, as a replay camera would: they do
+/// not tell when they were taken.
+/// @throws UsageError when the files do not fit the rigs; FileError
+[[nodiscard]] Shot LoadShot(const ChosenBin& bin, const FrameFiles& files);
 
 /// The shots of one measurement: as many as the files make (each a pair for each rig, shot after shot), else as many as
 /// the configuration wants from the cameras.
-/// @throws as TakePairs
+/// @throws UsageError when the files do not fit the rigs; FileError, DeviceError
 [[nodiscard]] std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files);
 
 /// One pair from the rig's own cameras. @param empty_bin a simulated rig shows the bin without grain

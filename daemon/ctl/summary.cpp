@@ -59,6 +59,35 @@ std::string ErrorRateText(const Measurement& m) {
 
 }  // namespace
 
+std::string BudgetTable(const Measurement& m) {
+  const UncertaintyBudget& budget = m.budget.value();
+  std::string text = "uncertainty, k = 2:          m³        % of volume  error rate, points";
+  const auto line = [&](const char* term, double value_m3) {
+    char words[120];
+    std::snprintf(words, sizeof words, "\n  %-22s %10.3g", term, 2 * value_m3);
+    text += words;
+    if (m.volume_m3 && *m.volume_m3 > 0) {
+      std::snprintf(words, sizeof words, "   %12.3f", 200 * value_m3 / *m.volume_m3);
+      text += words;
+      if (m.mass_kg && m.book_mass_kg) {
+        std::snprintf(words, sizeof words, "   %16.3f", 200 * value_m3 / *m.volume_m3 * *m.mass_kg / *m.book_mass_kg);
+        text += words;
+      }
+    }
+  };
+  line("matching", budget.matching_m3);
+  line("reference", budget.reference_m3);
+  line("calibration", budget.calibration_m3);
+  line("pose", budget.pose_m3);
+  line("completion", budget.completion_m3);
+  line("relief", budget.relief_m3);
+  if (m.shots > 1) line("repeat", budget.repeat_m3);
+  line("volume, combined", budget.Combined_m3());
+  if (m.error_rate_u95_percent)
+    text += "\n  error rate, with the density: " + Number(*m.error_rate_u95_percent, 3) + " points";
+  return text;
+}
+
 std::string Summary(const Measurement& m, const Bin& bin) {
   std::string text =
       "bin " + std::to_string(m.bin) + (bin.name.empty() ? "" : " (" + bin.name + ")") + ", " + UtcText(m.utc) + ": ";
@@ -75,6 +104,10 @@ std::string Summary(const Measurement& m, const Bin& bin) {
   }
   if (m.mass_kg) Line(text, "quantity", MassText(m));
   if (m.error_rate_percent) Line(text, "error rate", ErrorRateText(m));
+  if (m.repeatability_rsd_percent) {
+    Line(text, "shots",
+         std::to_string(m.shots) + ", RSD of their volumes " + Number(*m.repeatability_rsd_percent, 4) + " %");
+  }
   if (m.coverage_percent) Line(text, "coverage", Number(*m.coverage_percent, 1) + " % of the floor");
   if (m.triangles > 0) {
     Line(text, "surface",

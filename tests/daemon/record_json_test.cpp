@@ -57,6 +57,9 @@ Measurement Full() {
   m.points = 1'000'000;
   m.triangles = 2'000'000;
   m.reference_id = "bin7-a-20261122T060000Z";
+  m.shots = 3;
+  m.repeatability_rsd_percent = 0.02;
+  m.budget = UncertaintyBudget{1e-5, 2e-5, 3e-5, 4e-5, 5e-5, 6e-5, 7e-5};
   m.timings_ms = {1, 2, 3, 4, 5, 6, 7, 28};
   m.peak_rss_mib = 512.5;
   return m;
@@ -101,6 +104,27 @@ TEST(RecordToJson, NamesTheStages) {
       R"({"capture":1.0,"rectify":2.0,"match":3.0,"cloud":4.0,"segment":5.0,"mesh":6.0,"volume":7.0,"total":28.0})");
 }
 
+TEST(RecordToJson, NamesTheTermsOfTheBudget) {
+  EXPECT_EQ(RecordToJson(Full())["budget_m3"].dump(),
+            R"({"matching":1e-05,"reference":2e-05,"calibration":3e-05,"pose":4e-05,"completion":5e-05,"relief":6e-05,)"
+            R"("repeat":7e-05})");
+}
+
+TEST(RecordFromJson, RefusesABudgetThatIsNone) {
+  Json record = RecordToJson(Full());
+  record["budget_m3"] = 3;
+  EXPECT_THROW((void)RecordFromJson(record), std::invalid_argument);
+  record = RecordToJson(Full());
+  record["budget_m3"]["relief"] = "large";
+  EXPECT_THROW((void)RecordFromJson(record), std::invalid_argument);
+}
+
+TEST(RecordFromJson, RefusesANumberOfShotsThatIsNone) {
+  Json record = RecordToJson(Full());
+  record["shots"] = 0;
+  EXPECT_THROW((void)RecordFromJson(record), std::invalid_argument);
+}
+
 TEST(RecordToJson, WritesTimeAndReasonAsWords) {
   const Json record = RecordToJson(Full());
   EXPECT_EQ(record["utc"], "2026-11-22T06:00:00Z");
@@ -111,7 +135,7 @@ TEST(RecordToJson, WritesUnknownAsNullEverywhere) {
   const Json record = RecordToJson(Measurement{});
   for (const auto& [key, value] : record.items()) {
     const bool known = value.is_boolean() || value.is_string() || key == "bin" || key == "sequence" ||
-                       key == "utc_ns" || key == "timings_ms";
+                       key == "utc_ns" || key == "timings_ms" || key == "shots";
     EXPECT_TRUE(known || value.is_null()) << key << " is " << value;
   }
   for (const auto& [stage, value] : record["timings_ms"].items()) EXPECT_TRUE(value.is_null()) << stage;

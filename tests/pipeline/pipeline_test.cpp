@@ -206,6 +206,70 @@ TEST(Run, KeepsEveryIntermediate) {
   EXPECT_EQ(run.measurement.triangles, run.surface.triangles.size());
 }
 
+/// Level grain with something standing on it: `left_px` says where, as wide as a twentieth of the picture.
+FramePair WithVisitor(double level_m, int left_px, unsigned seed) {
+  FramePair pair = LevelGrain(level_m, seed);
+  const FramePair nearer = LevelGrain(level_m + 0.15, seed + 100);
+  const double disparity = kFocal_px * kBaseline_m / (kHeight_m - level_m - 0.15);
+  const cv::Rect place(left_px, kSize.height / 3, kSize.width / 10, kSize.height / 4);
+  nearer.left.image(place).copyTo(pair.left.image(place));
+  const cv::Rect seen(place.x - static_cast<int>(disparity), place.y, place.width, place.height);
+  nearer.right.image(seen).copyTo(pair.right.image(seen));
+  return pair;
+}
+
+TEST(RunShots, SeveralShotsGiveOneFigureWithItsScatter) {
+  const Pipeline pipeline = WithReference();
+  const Measurement m =
+      pipeline.RunShots({{LevelGrain(0.1, 1)}, {LevelGrain(0.1, 2)}, {LevelGrain(0.1, 3)}}, {}).measurement;
+  ASSERT_TRUE(m.valid) << m.detail;
+  EXPECT_EQ(m.shots, 3);
+  ASSERT_TRUE(m.repeatability_rsd_percent);
+  EXPECT_GT(*m.repeatability_rsd_percent, 0);
+  EXPECT_LT(*m.repeatability_rsd_percent, 0.6);  // the paper's figure
+  EXPECT_GT(m.budget->repeat_m3, 0);
+  const double truth_m3 = GrainFloor_m2(BoxBin()) * 0.1;
+  EXPECT_NEAR(*m.volume_m3, truth_m3, *m.volume_u95_m3);
+}
+
+TEST(RunShots, OneShotHasNoScatter) {
+  const Measurement m = Measure(WithReference(), LevelGrain(0.1));
+  EXPECT_FALSE(m.repeatability_rsd_percent);
+  EXPECT_EQ(m.budget->repeat_m3, 0);
+}
+
+TEST(RunShots, WhatMovesBetweenTheShotsIsRefusedWithItsPlace) {
+  const Measurement m =
+      WithReference().RunShots({{WithVisitor(0.1, 150, 1)}, {WithVisitor(0.1, 220, 2)}}, {}).measurement;
+  ExpectNoFigure(m);
+  EXPECT_EQ(m.reason, Reason::kSceneMoving) << m.detail;
+  EXPECT_THAT(m.detail, AllOf(HasSubstr("rig a"), HasSubstr("x = ")));
+}
+
+TEST(RunShots, APoorShotIsNamed) {
+  const Measurement m = WithReference().RunShots({{LevelGrain(0.1)}, {Blank(0)}}, {}).measurement;
+  ExpectNoFigure(m);
+  EXPECT_EQ(m.reason, Reason::kTooDark);
+  EXPECT_THAT(m.detail, HasSubstr("shot 2 of 2"));
+}
+
+TEST(RunShots, RefusesNoShotAtAll) {
+  EXPECT_THROW(static_cast<void>(WithReference().RunShots({}, {})), std::invalid_argument);
+}
+
+TEST(Run, TakesTheConfiguredReliefOff) {
+  RigSetup rig = Rig();
+  rig.reference = SomeReference();
+  PipelineOptions options;
+  options.surface.reduced_coverage = 0.75;
+  Bin bin = BoxBin();
+  const double before_m3 = *Pipeline(bin, {rig}, options).Run({LevelGrain(0.1)}, {}).measurement.volume_m3;
+  bin.grain.surface_offset_m = 0.001;
+  const Measurement m = Pipeline(bin, {rig}, options).Run({LevelGrain(0.1)}, {}).measurement;
+  EXPECT_NEAR(before_m3 - *m.volume_m3, 0.001 * GrainFloor_m2(bin), 1e-9);  // all of the floor is covered
+  EXPECT_NEAR(m.budget->relief_m3, 0.00025 * GrainFloor_m2(bin), 1e-9);
+}
+
 TEST(Run, RefusesAnotherNumberOfPairs) {
   const Pipeline pipeline = Empty();
   EXPECT_THROW(static_cast<void>(pipeline.Run({}, {})), std::invalid_argument);

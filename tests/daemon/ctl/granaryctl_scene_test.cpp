@@ -65,6 +65,33 @@ TEST(GranaryctlScene, ReferenceThenMeasureFromItsOwnSnapshots) {
   EXPECT_EQ(swapped.Document()["valid"], false);
 }
 
+TEST(GranaryctlScene, FindsTheOffsetThatMakesTheKnownVolume) {
+  const CtlFolder folder;
+  // As if the simulator's grain, smooth as it is, held 0.1 litre less than it shows: 0.5 mm over its floor.
+  const ProgramRun run = folder.Run(Demo("grain-offset --volume 0.0192 --json"));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto found = run.Document();
+  const double covered_m2 = found["covered_m2"].get<double>();
+  EXPECT_NEAR(found["surface_offset_m"].get<double>(), 0.0001 / covered_m2, 0.0001);  // u95 of the box: 0.1 mm
+  EXPECT_GT(found["surface_offset_u95_m"].get<double>(), 0);
+  EXPECT_THAT(run.err, HasSubstr("surface_offset_m = "));
+}
+
+TEST(GranaryctlScene, AVolumeThatIsFarOffIsNoReliefOfGrain) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("grain-offset --volume 0.1"));
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("is no relief of grain"));
+  EXPECT_EQ(folder.Run(Demo("grain-offset --volume 0")).exit_code, 2);
+}
+
+TEST(GranaryctlScene, PrintsTheBudgetOnRequest) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("measure --budget"));
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, AllOf(HasSubstr("matching"), HasSubstr("completion"), HasSubstr("error rate, points")));
+}
+
 TEST(GranaryctlScene, ADamagedReferenceIsNotMeasuredAgainst) {
   const CtlFolder folder;
   ASSERT_EQ(folder.Run(Demo("reference --json")).exit_code, 0);
