@@ -15,7 +15,7 @@ struct Case {
 
 class SixShapes : public testing::TestWithParam<Case> {};
 
-TEST_P(SixShapes, TenSeedsStayWithinThePapersFigures) {
+TEST_P(SixShapes, TenSeedsStayFarWithinThePapersFigures) {
   SimOptions options;
   options.shape = GetParam().shape;
   const RigWorld world = SimulatedLab();
@@ -29,16 +29,17 @@ TEST_P(SixShapes, TenSeedsStayWithinThePapersFigures) {
     const Measurement m = pipeline.Run({scene.Render(seed)}, {}).measurement;
     ASSERT_TRUE(m.valid) << m.detail;
     EXPECT_TRUE(m.simulated);
+    EXPECT_LT(*m.volume_u95_m3, 0.005 * *m.volume_m3);
     EXPECT_NEAR(*m.volume_m3, truth_m3, *m.volume_u95_m3) << "the stated uncertainty does not hold, seed " << seed;
     volumes_m3.push_back(*m.volume_m3);
   }
   const ErrorStatistics error = Summarise(volumes_m3, truth_m3);
   std::printf("%-13s mean %+.4f %%  worst %.4f %%  RSD %.4f %%\n", GetParam().name, error.mean_percent,
               error.worst_percent, error.rsd_percent);
-  // The paper's figures: mean error below 0.5 %, any error below 1.5 %, repeatability below 0.6 %.
-  EXPECT_LT(std::abs(error.mean_percent), 0.5);
-  EXPECT_LT(error.worst_percent, 1.5);
-  EXPECT_LT(error.rsd_percent, 0.6);
+  // A fifth of the paper's mean and worst errors (0.5 and 1.5 %), a twelfth of its repeatability (0.6 %).
+  EXPECT_LT(std::abs(error.mean_percent), 0.1);
+  EXPECT_LT(error.worst_percent, 0.3);
+  EXPECT_LT(error.rsd_percent, 0.05);
 }
 
 INSTANTIATE_TEST_SUITE_P(Paper, SixShapes,
