@@ -70,9 +70,10 @@ std::vector<Eigen::Vector2d> PlacesToComplete(std::span<const Eigen::Vector3d> m
   std::vector<Eigen::Vector2d> places;
   AppendEdge(bin.footprint_m, step_m, places);
   for (const auto& hole : bin.exclude_m) AppendEdge(hole, step_m, places);
-  const Occupancy occupancy(measured, bin, step_m);
-  for (int j = 0; j < occupancy.rows(); ++j) {
-    for (int i = 0; i < occupancy.columns(); ++i) {
+  // Looked at in half steps, so that the seam to the measured points stays narrower than two steps.
+  const Occupancy occupancy(measured, bin, step_m / 2);
+  for (int j = 0; j < occupancy.rows(); j += 2) {
+    for (int i = 0; i < occupancy.columns(); i += 2) {
       if (!occupancy.EmptyAround(i, j)) continue;
       const Eigen::Vector2d place = occupancy.Centre(i, j);
       // Not within half a step of an edge, which has vertices of its own.
