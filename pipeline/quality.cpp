@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <opencv2/imgproc.hpp>
 
@@ -14,6 +15,28 @@ namespace {
 
 // Below this share of the wanted contrast there are no dots at all: the lamp is dark, not the window dirty.
 constexpr double kDarkProjectorShare = 0.4;
+
+// Squares in which dots are looked for: some hundred dots each. What lies in a few of them, a lamp's glare, a ladder, a
+// speck on the window, says nothing about the projector.
+constexpr int kSquare_px = 32;
+
+// Median over the squares inside the mask of the dots' RMS over the mean.
+double MedianContrast(const cv::Mat& grey, const cv::Mat& power, const cv::Mat& mask) {
+  std::vector<double> contrasts;
+  for (int y = 0; y < grey.rows; y += kSquare_px) {
+    for (int x = 0; x < grey.cols; x += kSquare_px) {
+      const cv::Rect square = cv::Rect(x, y, kSquare_px, kSquare_px) & cv::Rect({0, 0}, grey.size());
+      if (2 * cv::countNonZero(mask(square)) < square.area()) continue;
+      const double mean = cv::mean(grey(square), mask(square))[0];
+      const double rms = std::sqrt(cv::mean(power(square), mask(square))[0]);
+      contrasts.push_back(mean > 0 ? rms / mean : 0);
+    }
+  }
+  if (contrasts.empty()) return 0;
+  const auto middle = contrasts.begin() + static_cast<std::ptrdiff_t>(contrasts.size() / 2);
+  std::nth_element(contrasts.begin(), middle, contrasts.end());
+  return *middle;
+}
 
 struct SideQuality {
   double mean, contrast, saturated;
@@ -27,13 +50,12 @@ SideQuality Assess(const cv::Mat& grey, const cv::Mat& mask) {
   band = fine - coarse;
   cv::multiply(band, band, power);
   const double mean = cv::mean(grey, mask)[0];
-  const double rms = std::sqrt(cv::mean(power, mask)[0]);
   cv::Mat full, share;
   cv::Mat(grey >= 254.5f).convertTo(full, CV_32FC1, 1.0 / 255);
   cv::boxFilter(full, share, CV_32F, {9, 9});
   const double saturated =
       static_cast<double>(cv::countNonZero((share > 0.5) & mask)) / std::max(1, cv::countNonZero(mask));
-  return {mean, mean > 0 ? rms / mean : 0, saturated};
+  return {mean, MedianContrast(grey, power, mask), saturated};
 }
 
 std::string Percent(const std::string& what, double value, const std::string& relation, double limit) {

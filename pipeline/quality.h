@@ -13,7 +13,7 @@ namespace granary {
 
 struct PictureQuality {
   double mean_fraction = 0;       ///< mean grey inside the mask, share of full scale, the darker picture
-  double speckle_contrast = 0;    ///< RMS of the dots over the local mean, the fainter picture
+  double speckle_contrast = 0;    ///< RMS of the dots over the mean, median over small squares, fainter picture
   double saturated_fraction = 0;  ///< share of saturated neighbourhoods inside the mask, the worse picture
 };
 

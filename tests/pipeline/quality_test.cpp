@@ -80,5 +80,17 @@ TEST(AssessPictures, ContrastDoesNotDependOnTheExposure) {
               AssessPictures(dim, kEverywhere, kEverywhere).speckle_contrast, 1e-5);  // floats
 }
 
+TEST(AssessPictures, GlareInACornerHidesNoSpeckleElsewhere) {
+  RectifiedPair clean;
+  clean.left = Picture(0.2, 4);
+  clean.right = clean.left;
+  RectifiedPair glaring;
+  glaring.left = clean.left.clone();
+  glaring.left(cv::Rect(0, 0, 64, 32)).setTo(255);  // two squares of twenty, many times as bright as the rest
+  glaring.right = clean.right;
+  EXPECT_NEAR(AssessPictures(glaring, kEverywhere, kEverywhere).speckle_contrast,
+              AssessPictures(clean, kEverywhere, kEverywhere).speckle_contrast, 0.03);  // squares differ a little
+}
+
 }  // namespace
 }  // namespace granary
