@@ -9,7 +9,6 @@ namespace granary {
 namespace {
 
 constexpr double kCellSpacings = 32;
-constexpr std::size_t kMany = 100'000;    // triangles, from which on every fourth will do
 constexpr std::size_t kEnoughEdges = 60;  // for a median of its own
 
 double Median(std::vector<double>& values) {
@@ -24,10 +23,9 @@ LocalSpacing::LocalSpacing(std::span<const Eigen::Vector2d> plan,
                            std::span<const std::array<std::uint32_t, 3>> triangles, double typical_m)
     : cell_m_(kCellSpacings * typical_m), median_m_(typical_m) {
   if (triangles.empty()) return;
-  const std::size_t step = triangles.size() > kMany ? 4 : 1;
   Eigen::Vector2d low = plan[triangles[0][0]], high = low;
-  for (std::size_t i = 0; i < triangles.size(); i += step) {
-    const Eigen::Vector2d& corner = plan[triangles[i][0]];
+  for (const auto& triangle : triangles) {
+    const Eigen::Vector2d& corner = plan[triangle[0]];
     low = low.cwiseMin(corner);
     high = high.cwiseMax(corner);
   }
@@ -35,8 +33,8 @@ LocalSpacing::LocalSpacing(std::span<const Eigen::Vector2d> plan,
   columns_ = static_cast<int>((high.x() - low.x()) / cell_m_) + 1;
   rows_ = static_cast<int>((high.y() - low.y()) / cell_m_) + 1;
   std::vector<std::vector<double>> edges(static_cast<std::size_t>(columns_) * rows_);
-  for (std::size_t i = 0; i < triangles.size(); i += step) {
-    const Eigen::Vector2d &a = plan[triangles[i][0]], &b = plan[triangles[i][1]], &c = plan[triangles[i][2]];
+  for (const auto& triangle : triangles) {
+    const Eigen::Vector2d &a = plan[triangle[0]], &b = plan[triangle[1]], &c = plan[triangle[2]];
     auto& cell = edges[static_cast<std::size_t>((a.y() - low.y()) / cell_m_) * columns_ +
                        static_cast<std::size_t>((a.x() - low.x()) / cell_m_)];
     for (const double squared : {(a - b).squaredNorm(), (b - c).squaredNorm(), (c - a).squaredNorm()}) {

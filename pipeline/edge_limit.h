@@ -21,7 +21,7 @@ class LocalSpacing {
  public:
   /// The median edge of the triangles in each square of the floor; a square with few of them has the median of all.
   /// @param plan points on the floor plane, metres
-  /// @param triangles of measured points; of very many every fourth is looked at
+  /// @param triangles of measured points, or an even part of them
   /// @param typical_m rough spacing: sets the side of the squares, and stands where there are no triangles at all
   LocalSpacing(std::span<const Eigen::Vector2d> plan, std::span<const std::array<std::uint32_t, 3>> triangles,
                double typical_m);

@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 #include <opencv2/imgproc.hpp>
 
+#include "pipeline/large_pages.h"
 #include "pipeline/segment.h"
 
 namespace granary {
@@ -40,8 +43,7 @@ cv::Mat Spikes(const cv::Mat& disparity) {
 }
 
 std::vector<Eigen::Vector3f> FinitePoints(const cv::Mat& points) {
-  std::vector<Eigen::Vector3f> out;
-  out.reserve(points.total());
+  auto out = ReserveLarge<Eigen::Vector3f>(points.total());
   for (int y = 0; y < points.rows; ++y) {
     for (const auto* p = points.ptr<cv::Vec3f>(y); p != points.ptr<cv::Vec3f>(y) + points.cols; ++p) {
       if (std::isfinite((*p)[2])) out.emplace_back((*p)[0], (*p)[1], (*p)[2]);
@@ -72,38 +74,66 @@ GrainPoints FindGrain(const cv::Mat& points, const cv::Mat& disparity, const cv:
   out.mask = cv::Mat::zeros(points.size(), CV_8UC1);
   const cv::Mat rejected = NearStep(disparity, options.step_margin_px) | Spikes(disparity);
 
-  // Candidates: over the grain floor, clear of its edges, not at a step.
-  std::vector<Eigen::Vector3f> candidates;
-  std::vector<cv::Point> pixels;
-  std::size_t above = 0;
+  // Candidates: over the grain floor, clear of its edges, not at a step. Rows are looked at side by side, then joined
+  // in the order of the picture.
+  struct Row {
+    std::vector<Eigen::Vector3f> points;
+    std::vector<int> columns;
+    std::size_t above = 0;
+  };
+  std::vector<Row> rows(static_cast<std::size_t>(points.rows));
   const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
-  for (int y = 0; y < points.rows; ++y) {
-    for (int x = 0; x < points.cols; ++x) {
-      const auto& p = points.at<cv::Vec3f>(y, x);
-      if (!std::isfinite(p[2]) || rejected.at<std::uint8_t>(y, x)) continue;
-      const Eigen::Vector2d place(p[0], p[1]);
-      if (!box.contains(place) || !IsGrainFloor(bin, place) || DistanceToEdge_m(bin, place) <= options.edge_margin_m)
-        continue;
-      candidates.emplace_back(p[0], p[1], p[2]);
-      pixels.emplace_back(x, y);
-      above += p[2] > bin.height_m + options.segment_distance_m;
+  tbb::parallel_for(tbb::blocked_range<int>(0, points.rows, 16), [&](const auto& range) {
+    for (int y = range.begin(); y < range.end(); ++y) {
+      Row& row = rows[static_cast<std::size_t>(y)];
+      const auto* point = points.ptr<cv::Vec3f>(y);
+      const auto* reject = rejected.ptr<std::uint8_t>(y);
+      for (int x = 0; x < points.cols; ++x) {
+        const auto& p = point[x];
+        if (!std::isfinite(p[2]) || reject[x]) continue;
+        const Eigen::Vector2d place(p[0], p[1]);
+        if (!box.contains(place) || !IsGrainFloor(bin, place) ||
+            DistanceToEdge_m(bin, place) <= options.edge_margin_m) {
+          continue;
+        }
+        row.points.emplace_back(p[0], p[1], p[2]);
+        row.columns.push_back(x);
+        row.above += p[2] > bin.height_m + options.segment_distance_m;
+      }
     }
+  });
+  std::vector<std::size_t> first(rows.size() + 1, 0);
+  std::size_t above = 0;
+  for (std::size_t y = 0; y < rows.size(); ++y) {
+    first[y + 1] = first[y] + rows[y].points.size();
+    above += rows[y].above;
   }
-  if (candidates.empty()) return out;
+  if (first.back() == 0) return out;
+  auto candidates = ReserveLarge<Eigen::Vector3f>(first.back());
+  for (const Row& row : rows) candidates.insert(candidates.end(), row.points.begin(), row.points.end());
   out.above_share = static_cast<double>(above) / static_cast<double>(candidates.size());
 
   const std::vector<std::uint8_t> scene =
       empty_bin.empty() ? std::vector<std::uint8_t>(candidates.size(), 0)
                         : FindScenePoints(candidates, FinitePoints(empty_bin), options.segment_distance_m);
-  const std::vector<std::uint8_t> passed = PassThroughZ(candidates, static_cast<float>(-5 * options.segment_distance_m),
-                                                        static_cast<float>(bin.height_m + options.segment_distance_m));
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    if (!passed[i]) continue;
-    const Eigen::Vector3d point = candidates[i].cast<double>();
-    const double height_m = point.z() - floor.HeightAt(point.head<2>());
-    if (scene[i] && std::abs(height_m) > options.segment_distance_m) continue;  // a wall, a beam, a cable
-    out.mask.at<std::uint8_t>(pixels[i]) = 255;
-    out.points_in_world.push_back(point);
+  std::vector<std::uint8_t> kept = PassThroughZ(candidates, static_cast<float>(-5 * options.segment_distance_m),
+                                                static_cast<float>(bin.height_m + options.segment_distance_m));
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows.size(), 16), [&](const auto& range) {
+    for (std::size_t y = range.begin(); y < range.end(); ++y) {
+      for (std::size_t i = first[y]; i < first[y + 1]; ++i) {
+        if (!kept[i]) continue;
+        const Eigen::Vector3d point = candidates[i].cast<double>();
+        const double height_m = point.z() - floor.HeightAt(point.head<2>());
+        // A wall, a beam, a cable: scene, and not the floor.
+        kept[i] = !(scene[i] && std::abs(height_m) > options.segment_distance_m);
+        if (kept[i]) out.mask.at<std::uint8_t>(static_cast<int>(y), rows[y].columns[i - first[y]]) = 255;
+      }
+    }
+  });
+  out.points_in_world =
+      ReserveLarge<Eigen::Vector3d>(static_cast<std::size_t>(std::count(kept.begin(), kept.end(), 1)));
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    if (kept[i]) out.points_in_world.push_back(candidates[i].cast<double>());
   }
   out.spacing_m = MedianSpacing_m(points, out.mask);
   return out;

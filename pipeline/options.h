@@ -38,7 +38,7 @@ struct SurfaceOptions {
 struct QualityOptions {
   double min_mean_fraction = 0.01;       ///< mean grey as a share of full scale
   double max_saturated_fraction = 0.10;  ///< share of full pixels inside the footprint
-  double min_speckle_contrast = 0.08;    ///< local standard deviation over local mean
+  double min_speckle_contrast = 0.05;    ///< local standard deviation over local mean
 };
 
 struct PipelineOptions {

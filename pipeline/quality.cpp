@@ -14,7 +14,7 @@ namespace granary {
 namespace {
 
 // Below this share of the wanted contrast there are no dots at all: the lamp is dark, not the window dirty.
-constexpr double kDarkProjectorShare = 0.4;
+constexpr double kDarkProjectorShare = 0.65;
 
 // Squares in which dots are looked for: some hundred dots each. What lies in a few of them, a lamp's glare, a ladder, a
 // speck on the window, says nothing about the projector.

@@ -11,49 +11,61 @@
 #include "pipeline/completion.h"
 #include "pipeline/delaunay.h"
 #include "pipeline/edge_limit.h"
+#include "pipeline/large_pages.h"
 #include "pipeline/local_planes.h"
 
 namespace granary {
 
 namespace {
 
-constexpr double kCompletionSpacings = 2;  // distance of completed vertices, in point spacings
-constexpr double kPlaneCellSpacings = 5;   // pooling cell of the local planes
+constexpr double kCompletionSpacings = 2;        // distance of completed vertices, in point spacings
+constexpr double kPlaneCellSpacings = 5;         // pooling cell of the local planes
+constexpr std::size_t kManyTriangles = 400'000;  // of which every fourth says how far apart points are
 
 using Triangle = std::array<std::uint32_t, 3>;
 
+// What becomes of a triangle.
+enum class Fate : std::uint8_t { kOffTheFloor, kTooLong, kMeasured, kCompleted };
+
 // Sorts the triangles on the grain floor into those within the limit and those beyond.
-void LimitEdges(std::span<const Eigen::Vector2d> plan, std::vector<Triangle> triangles, const Bin& bin,
+void LimitEdges(std::span<const Eigen::Vector2d> plan, const std::vector<Triangle>& triangles, const Bin& bin,
                 std::optional<double> fixed_m, Surface& surface) {
   const auto completed = [&](const Triangle& t) {
     return surface.interpolated[t[0]] || surface.interpolated[t[1]] || surface.interpolated[t[2]];
   };
-  // A triangle of measured points alone lies between points on the grain floor, away from every edge.
-  std::erase_if(triangles, [&](const Triangle& t) {
-    return completed(t) && !IsGrainFloor(bin, (plan[t[0]] + plan[t[1]] + plan[t[2]]) / 3);
-  });
   std::optional<LocalSpacing> spacing;
   if (!fixed_m) {
-    std::vector<Triangle> measured;
-    measured.reserve(triangles.size());
-    std::copy_if(triangles.begin(), triangles.end(), std::back_inserter(measured),
-                 [&](const Triangle& t) { return !completed(t); });
-    spacing.emplace(plan, measured, surface.point_spacing_m);
+    const std::size_t step = triangles.size() > kManyTriangles ? 4 : 1;
+    auto some = ReserveLarge<Triangle>(triangles.size() / step + 1);
+    for (std::size_t i = 0; i < triangles.size(); i += step) {
+      if (!completed(triangles[i])) some.push_back(triangles[i]);
+    }
+    spacing.emplace(plan, some, surface.point_spacing_m);
   }
   surface.edge_threshold_m = fixed_m ? *fixed_m : kEdgeSpacings * spacing->Median_m();
-  surface.triangles.reserve(triangles.size());
-  for (const Triangle& t : triangles) {
-    const Eigen::Vector2d &a = plan[t[0]], &b = plan[t[1]], &c = plan[t[2]];
-    const bool made_up = completed(t);
-    // Completed vertices lie as far apart everywhere.
-    double limit_m = surface.edge_threshold_m;
-    if (!fixed_m) limit_m = kEdgeSpacings * (made_up ? surface.point_spacing_m : spacing->At(a));
-    if (LongestEdgeSquared(a, b, c) > limit_m * limit_m) {
-      surface.too_long.push_back(t);
-    } else {
-      surface.triangles.push_back(t);
-      surface.triangle_interpolated.push_back(made_up ? 1 : 0);
+
+  auto fates = MakeLarge<Fate>(triangles.size());
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, triangles.size(), 8192), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const Triangle& t = triangles[i];
+      const Eigen::Vector2d &a = plan[t[0]], &b = plan[t[1]], &c = plan[t[2]];
+      const bool made_up = completed(t);
+      // A triangle of measured points alone lies between points on the grain floor, away from every edge.
+      if (made_up && !IsGrainFloor(bin, (a + b + c) / 3)) continue;
+      // Completed vertices lie as far apart everywhere.
+      double limit_m = surface.edge_threshold_m;
+      if (!fixed_m) limit_m = kEdgeSpacings * (made_up ? surface.point_spacing_m : spacing->At(a));
+      const bool too_long = LongestEdgeSquared(a, b, c) > limit_m * limit_m;
+      fates[i] = too_long ? Fate::kTooLong : made_up ? Fate::kCompleted : Fate::kMeasured;
     }
+  });
+  surface.triangles = ReserveLarge<Triangle>(triangles.size());
+  surface.triangle_interpolated = ReserveLarge<std::uint8_t>(triangles.size());
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    if (fates[i] == Fate::kTooLong) surface.too_long.push_back(triangles[i]);
+    if (fates[i] != Fate::kMeasured && fates[i] != Fate::kCompleted) continue;
+    surface.triangles.push_back(triangles[i]);
+    surface.triangle_interpolated.push_back(fates[i] == Fate::kCompleted ? 1 : 0);
   }
 }
 
@@ -72,11 +84,13 @@ Surface BuildSurface(std::span<const Eigen::Vector3d> measured, const Floor& flo
   const double max_slope = SteepestSlope(bin);
   surface.completion_deviation_m = CompletionDeviation_m(planes, places, max_slope);
   const std::size_t total = measured.size() + places.size();
+  surface.vertices_in_world = ReserveLarge<Eigen::Vector3d>(total);
   surface.vertices_in_world.assign(measured.begin(), measured.end());
   surface.vertices_in_world.resize(total);
   surface.interpolated.assign(total, 0);
   std::fill(surface.interpolated.begin() + static_cast<std::ptrdiff_t>(measured.size()), surface.interpolated.end(), 1);
-  surface.height_m.resize(total);
+  surface.height_m = MakeLarge<double>(total);
+  auto plan = MakeLarge<Eigen::Vector2d>(total);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, total, 4096), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end(); ++i) {
       Eigen::Vector3d& vertex = surface.vertices_in_world[i];
@@ -84,13 +98,11 @@ Surface BuildSurface(std::span<const Eigen::Vector3d> measured, const Floor& flo
         const Eigen::Vector2d& place = places[i - measured.size()];
         vertex << place, std::min(planes.HeightAt(place, max_slope).value(), bin.height_m);
       }
+      plan[i] = vertex.head<2>();
       surface.height_m[i] = vertex.z() - floor.HeightAt(vertex.head<2>());
     }
   });
 
-  std::vector<Eigen::Vector2d> plan(total);
-  std::transform(surface.vertices_in_world.begin(), surface.vertices_in_world.end(), plan.begin(),
-                 [](const Eigen::Vector3d& v) { return Eigen::Vector2d(v.head<2>()); });
   LimitEdges(plan, TriangulateDelaunay(plan), bin, edge_threshold_m, surface);
   return surface;
 }

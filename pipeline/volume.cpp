@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include <tbb/parallel_for.h>
+
 #include "pipeline/compensated_sum.h"
 
 namespace granary {
@@ -28,6 +30,34 @@ void CheckArrays(const Surface& surface) {
     throw std::invalid_argument("IntegrateVolume: " + std::to_string(triangles) + " triangles but " +
                                 std::to_string(surface.triangle_interpolated.size()) + " flags of interpolation");
   }
+}
+
+struct Sums {
+  CompensatedSum measured, interpolated, measured_area, interpolated_area, level;
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+};
+
+void AddTriangle(const Surface& surface, std::size_t i, Sums& sums) {
+  const Triangle& t = surface.triangles[i];
+  const auto fail = [i](const char* what) {
+    throw std::invalid_argument("IntegrateVolume: triangle " + std::to_string(i) + " " + what);
+  };
+  if (*std::max_element(t.begin(), t.end()) >= surface.vertices_in_world.size()) fail("names a missing vertex");
+  const Eigen::Vector3d &a = surface.vertices_in_world[t[0]], &b = surface.vertices_in_world[t[1]],
+                        &c = surface.vertices_in_world[t[2]];
+  const double area = PlanArea_m2(a.head<2>(), b.head<2>(), c.head<2>());
+  const double volume = PrismVolume_m3(area, surface.height_m[t[0]], surface.height_m[t[1]], surface.height_m[t[2]]);
+  const double level_volume = PrismVolume_m3(area, a.z(), b.z(), c.z());
+  if (!std::isfinite(volume) || !std::isfinite(level_volume)) fail("has a corner that is not finite");
+  // A sliver's area may round to just below zero; a triangle that was wound the wrong way is far from it.
+  const double size2 = std::max((b - a).head<2>().squaredNorm(), (c - a).head<2>().squaredNorm());
+  if (area < -1e-9 * size2) fail("is clockwise seen from above");
+  const bool completed = surface.triangle_interpolated[i] != 0;
+  (completed ? sums.interpolated : sums.measured).Add(volume);
+  (completed ? sums.interpolated_area : sums.measured_area).Add(area);
+  sums.level.Add(level_volume);
+  sums.lowest = std::min({sums.lowest, a.z(), b.z(), c.z()});
+  sums.highest = std::max({sums.highest, a.z(), b.z(), c.z()});
 }
 
 }  // namespace
@@ -62,62 +92,38 @@ double CutAndComplementVolume_m3(const Eigen::Vector3d& a, const Eigen::Vector3d
 
 VolumeResult IntegrateVolume(const Surface& surface) {
   CheckArrays(surface);
-  CompensatedSum measured, interpolated, measured_area, interpolated_area, level;
-  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
-  for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
-    const Triangle& t = surface.triangles[i];
-    const auto fail = [i](const char* what) {
-      throw std::invalid_argument("IntegrateVolume: triangle " + std::to_string(i) + " " + what);
-    };
-    if (*std::max_element(t.begin(), t.end()) >= surface.vertices_in_world.size()) fail("names a missing vertex");
-    const Eigen::Vector3d &a = surface.vertices_in_world[t[0]], &b = surface.vertices_in_world[t[1]],
-                          &c = surface.vertices_in_world[t[2]];
-    const double area = PlanArea_m2(a.head<2>(), b.head<2>(), c.head<2>());
-    const double volume = PrismVolume_m3(area, surface.height_m[t[0]], surface.height_m[t[1]], surface.height_m[t[2]]);
-    const double level_volume = PrismVolume_m3(area, a.z(), b.z(), c.z());
-    if (!std::isfinite(volume) || !std::isfinite(level_volume)) fail("has a corner that is not finite");
-    // A sliver's area may round to just below zero; a triangle that was wound the wrong way is far from it.
-    const double size2 = std::max((b - a).head<2>().squaredNorm(), (c - a).head<2>().squaredNorm());
-    if (area < -1e-9 * size2) fail("is clockwise seen from above");
-    const bool completed = surface.triangle_interpolated[i] != 0;
-    (completed ? interpolated : measured).Add(volume);
-    (completed ? interpolated_area : measured_area).Add(area);
-    level.Add(level_volume);
-    lowest = std::min({lowest, a.z(), b.z(), c.z()});
-    highest = std::max({highest, a.z(), b.z(), c.z()});
+  // Parts of a fixed size, added in order: the sum is the same however many threads there are.
+  constexpr std::size_t kPart = 1 << 16;
+  std::vector<Sums> parts((surface.triangles.size() + kPart - 1) / kPart);
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t part) {
+    const std::size_t end = std::min(surface.triangles.size(), (part + 1) * kPart);
+    for (std::size_t i = part * kPart; i < end; ++i) AddTriangle(surface, i, parts[part]);
+  });
+  Sums all;
+  for (const Sums& part : parts) {
+    all.measured.Add(part.measured.Value());
+    all.interpolated.Add(part.interpolated.Value());
+    all.measured_area.Add(part.measured_area.Value());
+    all.interpolated_area.Add(part.interpolated_area.Value());
+    all.level.Add(part.level.Value());
+    all.lowest = std::min(all.lowest, part.lowest);
+    all.highest = std::max(all.highest, part.highest);
   }
   VolumeResult result;
-  result.measured_m3 = measured.Value();
-  result.interpolated_m3 = interpolated.Value();
+  result.measured_m3 = all.measured.Value();
+  result.interpolated_m3 = all.interpolated.Value();
   result.total_m3 = result.measured_m3 + result.interpolated_m3;
-  result.measured_area_m2 = measured_area.Value();
-  result.area_m2 = result.measured_area_m2 + interpolated_area.Value();
+  result.measured_area_m2 = all.measured_area.Value();
+  result.area_m2 = result.measured_area_m2 + all.interpolated_area.Value();
   if (!surface.triangles.empty()) {
-    result.level_min_m = lowest;
-    result.level_max_m = highest;
+    result.level_min_m = all.lowest;
+    result.level_max_m = all.highest;
   }
   if (result.area_m2 > 0) {
     result.height_mean_m = result.total_m3 / result.area_m2;
-    result.level_mean_m = level.Value() / result.area_m2;
+    result.level_mean_m = all.level.Value() / result.area_m2;
   }
   return result;
-}
-
-std::optional<double> MedianSpacing_m(std::span<const Eigen::Vector2d> points, std::span<const Triangle> triangles) {
-  if (triangles.empty()) return std::nullopt;
-  constexpr std::size_t kSample = 100'000;
-  const std::size_t step = std::max<std::size_t>(1, triangles.size() / kSample);
-  std::vector<double> squared;
-  squared.reserve(3 * (triangles.size() / step + 1));
-  for (std::size_t i = 0; i < triangles.size(); i += step) {
-    const auto& [a, b, c] = triangles[i];
-    squared.push_back((points[b] - points[a]).squaredNorm());
-    squared.push_back((points[c] - points[b]).squaredNorm());
-    squared.push_back((points[a] - points[c]).squaredNorm());
-  }
-  const auto middle = squared.begin() + static_cast<std::ptrdiff_t>(squared.size() / 2);
-  std::nth_element(squared.begin(), middle, squared.end());
-  return std::sqrt(*middle);
 }
 
 }  // namespace granary

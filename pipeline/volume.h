@@ -45,10 +45,4 @@ struct VolumeResult {
 ///   is clockwise seen from above, or one of its heights is not finite; names the triangle
 [[nodiscard]] VolumeResult IntegrateVolume(const Surface& surface);
 
-/// Median length of the triangles' edges on the floor plane, m: the spacing of the points, whatever long edges the rim
-/// and holes add. Of very many triangles an even sample of about 100,000 is taken.
-/// @return empty when there is no triangle
-[[nodiscard]] std::optional<double> MedianSpacing_m(std::span<const Eigen::Vector2d> points,
-                                                    std::span<const std::array<std::uint32_t, 3>> triangles);
-
 }  // namespace granary

@@ -10,6 +10,7 @@
 
 #include "pipeline/delaunay.h"
 
+
 namespace granary {
 namespace {
 
@@ -118,16 +119,6 @@ TEST(IntegrateVolume, RefusesMissingVerticesClockwiseTrianglesAndNan) {
     }
   }
 }
-
-TEST(MedianSpacing_m, IsTheSpacingOfAGridDespiteAFarPoint) {
-  std::vector<Eigen::Vector2d> points;
-  for (int i = 0; i < 50 * 50; ++i) points.emplace_back(0.004 * (i % 50), 0.004 * (i / 50));
-  points.emplace_back(3, 3);
-  // two of three edges are sides of squares, one their diagonal
-  EXPECT_NEAR(*MedianSpacing_m(points, TriangulateDelaunay(points)), 0.004, 1e-12);
-}
-
-TEST(MedianSpacing_m, IsUnknownWithoutTriangles) { EXPECT_FALSE(MedianSpacing_m({}, {})); }
 
 }  // namespace
 }  // namespace granary
