@@ -42,6 +42,16 @@ cv::Mat Spikes(const cv::Mat& disparity) {
   return cv::abs(filled - median) > kSpike_px;
 }
 
+// Takes single points and small groups of them out of `mask`: a handful, left over where all around was rejected, is no
+// surface, and one of them may be anything.
+void DropStragglers(cv::Mat& mask) {
+  constexpr int kWindow_px = 7;
+  constexpr double kFewest = 12;  // of the 49; at the straight edge of a surface there are 28
+  cv::Mat share;
+  cv::boxFilter(mask, share, CV_32F, {kWindow_px, kWindow_px}, {-1, -1}, true, cv::BORDER_CONSTANT);
+  mask.setTo(0, share < 255 * kFewest / (kWindow_px * kWindow_px) - 1e-3);
+}
+
 std::vector<Eigen::Vector3f> FinitePoints(const cv::Mat& points) {
   auto out = ReserveLarge<Eigen::Vector3f>(points.total());
   for (int y = 0; y < points.rows; ++y) {
@@ -130,10 +140,13 @@ GrainPoints FindGrain(const cv::Mat& points, const cv::Mat& disparity, const cv:
       }
     }
   });
-  out.points_in_world =
-      ReserveLarge<Eigen::Vector3d>(static_cast<std::size_t>(std::count(kept.begin(), kept.end(), 1)));
-  for (std::size_t i = 0; i < kept.size(); ++i) {
-    if (kept[i]) out.points_in_world.push_back(candidates[i].cast<double>());
+  DropStragglers(out.mask);
+  out.points_in_world = ReserveLarge<Eigen::Vector3d>(static_cast<std::size_t>(cv::countNonZero(out.mask)));
+  for (std::size_t y = 0; y < rows.size(); ++y) {
+    for (std::size_t i = first[y]; i < first[y + 1]; ++i) {
+      if (out.mask.at<std::uint8_t>(static_cast<int>(y), rows[y].columns[i - first[y]]) == 0) continue;
+      out.points_in_world.push_back(candidates[i].cast<double>());
+    }
   }
   out.spacing_m = MedianSpacing_m(points, out.mask);
   return out;

@@ -53,6 +53,18 @@ TEST(FindGrain, KeepsGrainAndBareFloor) {
   EXPECT_EQ(static_cast<std::size_t>(cv::countNonZero(grain.mask)), grain.points_in_world.size());
 }
 
+TEST(FindGrain, DropsAHandfulOfPointsThatStandsAlone) {
+  // Nothing was seen around 3 × 3 points in the middle of the grain.
+  cv::Mat points = Level(0.1f);
+  const int column = static_cast<int>(0.3f / kPitch_m), row = static_cast<int>(0.2f / kPitch_m);
+  const cv::Mat alone = points(cv::Rect(column - 1, row - 1, 3, 3)).clone();
+  points(cv::Rect(column - 8, row - 8, 17, 17)).setTo(cv::Scalar::all(std::numeric_limits<float>::quiet_NaN()));
+  alone.copyTo(points(cv::Rect(column - 1, row - 1, 3, 3)));
+  const GrainPoints grain = Find(points, Level(0));
+  EXPECT_FALSE(Kept(grain, 0.302f, 0.202f));
+  EXPECT_TRUE(Kept(grain, 0.2f, 0.2f));
+}
+
 TEST(FindGrain, RemovesWhatStoodInTheEmptyBin) {
   // A beam at 0.15 m that the grain at 0.1 m does not cover.
   const auto beam = [](float x, float) { return x > 0.3f && x < 0.34f; };
