@@ -29,14 +29,14 @@ constexpr Shape kShapes[] = {
     {SimShape::kFlat, "flat"},     {SimShape::kTiltedLeft, "tilted left"}, {SimShape::kTiltedRight, "tilted right"},
     {SimShape::kConvex, "convex"}, {SimShape::kConcave, "concave"},        {SimShape::kPartial, "partial"}};
 
-struct Shot {
+struct Scene {
   const char* shape;
   FramePair pair;
   double truth_m3;
 };
 
-std::vector<Shot> RenderShots(const RigWorld& world, int seeds) {
-  std::vector<Shot> out;
+std::vector<Scene> RenderShots(const RigWorld& world, int seeds) {
+  std::vector<Scene> out;
   for (const Shape& shape : kShapes) {
     for (int seed = 1; seed <= seeds; ++seed) {
       SimOptions options;
@@ -54,30 +54,6 @@ FramePair RenderEmpty(RigWorld world, int seed) {
   SimOptions options;
   options.seed = 1000 + seed;
   return SimScene(options, world).Render(0);
-}
-
-/// The pose that a board of 5×5 corners on the floor gives with that calibration.
-RigidTransform FoundPose(const RigWorld& truth, const StereoCalibration& found) {
-  const Eigen::AlignedBox2d box = Bounds(truth.bin.footprint_m);
-  const RigidTransform left_from_world = truth.world_from_left.inverse();
-  std::vector<cv::Point3d> board, in_left;
-  for (int j = 0; j < 5; ++j) {
-    for (int i = 0; i < 5; ++i) {
-      const Eigen::Vector3d p(box.min().x() + box.sizes().x() * i / 4, box.min().y() + box.sizes().y() * j / 4, 0);
-      const Eigen::Vector3d q = left_from_world * p;
-      board.emplace_back(p.x(), p.y(), p.z());
-      in_left.emplace_back(q.x(), q.y(), q.z());
-    }
-  }
-  std::vector<cv::Point2d> pixels;
-  cv::projectPoints(in_left, cv::Vec3d(), cv::Vec3d(), truth.calibration.K1, truth.calibration.D1, pixels);
-  cv::Vec3d turn, shift;
-  cv::solvePnP(board, pixels, found.K1, found.D1, turn, shift);
-  const Eigen::Vector3d axis(turn[0], turn[1], turn[2]);
-  RigidTransform out = RigidTransform::Identity();
-  out.linear() = Eigen::AngleAxisd(axis.norm(), axis.normalized()).toRotationMatrix();
-  out.translation() << shift[0], shift[1], shift[2];
-  return out.inverse();
 }
 
 /// Errors and stated uncertainties, % of the truth.
@@ -119,7 +95,7 @@ void PrintRow(const std::string& name, const Tally& stored, const Tally& plain) 
 }
 
 void MeasureCoverage(const RigWorld& world, int calibrations, int seeds, bool found_pose) {
-  const std::vector<Shot> shots = RenderShots(world, seeds);
+  const std::vector<Scene> shots = RenderShots(world, seeds);
   std::printf("errors and u95 in %% of the true volume; %zu pictures a calibration; pose %s\n", shots.size(),
               found_pose ? "found with the calibration" : "true");
   std::printf("%-12s %9s %9s %20s %22s %8s\n", "", "", "", "stored covariance", "without covariance", "");
@@ -130,7 +106,8 @@ void MeasureCoverage(const RigWorld& world, int calibrations, int seeds, bool fo
   for (int i = 0; i < calibrations; ++i) {
     const BoardViews boards = SimulatedBoards(world.calibration, 16, 3000 + i);
     RigSetup rig{"a", CalibrateBoards(Noisy(boards, 0.1, 4000 + i), world.calibration), world.world_from_left, {}};
-    if (found_pose) rig.world_from_left = FoundPose(world, rig.calibration);
+    if (found_pose)
+      rig.world_from_left = FoundPose(world.bin, world.calibration, world.world_from_left, rig.calibration);
     const auto empty = Pipeline(world.bin, {rig}, {}).TakeReference(0, RenderEmpty(world, i));
     if (!empty.reference) {
       std::printf("calibration %d: no reference: %s\n", i + 1, empty.detail.c_str());
@@ -142,7 +119,7 @@ void MeasureCoverage(const RigWorld& world, int calibrations, int seeds, bool fo
     const Pipeline without(world.bin, {rig}, {});
     Tally stored, plain;
     for (std::size_t k = 0; k < shots.size(); ++k) {
-      const Shot& shot = shots[k];
+      const Scene& shot = shots[k];
       const Measurement m = with.Run({shot.pair}, {}).measurement, n = without.Run({shot.pair}, {}).measurement;
       stored.Add(m, shot.truth_m3);
       plain.Add(n, shot.truth_m3);

@@ -12,7 +12,9 @@
 #include <opencv2/core.hpp>
 
 #include "pipeline/calibration_covariance.h"
+#include "pipeline/types/bin.h"
 #include "pipeline/types/calibration.h"
+#include "pipeline/types/transform.h"
 
 namespace granary {
 
@@ -108,6 +110,31 @@ inline StereoCalibration CalibrateBoards(const BoardViews& views, const StereoCa
   out.T_m = cv::Vec3d(T.at<double>(0), T.at<double>(1), T.at<double>(2));
   out.covariance = StereoCovariance(out, views.object_points, views.left, views.right);
   return out;
+}
+
+/// The pose that a board of 5×5 corners all over the bin's floor gives with the calibration `found`.
+inline RigidTransform FoundPose(const Bin& bin, const StereoCalibration& truth, const RigidTransform& world_from_left,
+                                const StereoCalibration& found) {
+  const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
+  const RigidTransform left_from_world = world_from_left.inverse();
+  std::vector<cv::Point3d> board, in_left;
+  for (int j = 0; j < 5; ++j) {
+    for (int i = 0; i < 5; ++i) {
+      const Eigen::Vector3d p(box.min().x() + box.sizes().x() * i / 4, box.min().y() + box.sizes().y() * j / 4, 0);
+      const Eigen::Vector3d q = left_from_world * p;
+      board.emplace_back(p.x(), p.y(), p.z());
+      in_left.emplace_back(q.x(), q.y(), q.z());
+    }
+  }
+  std::vector<cv::Point2d> pixels;
+  cv::projectPoints(in_left, cv::Vec3d(), cv::Vec3d(), truth.K1, truth.D1, pixels);
+  cv::Vec3d turn, shift;
+  cv::solvePnP(board, pixels, found.K1, found.D1, turn, shift);
+  const Eigen::Vector3d axis(turn[0], turn[1], turn[2]);
+  RigidTransform out = RigidTransform::Identity();
+  out.linear() = Eigen::AngleAxisd(axis.norm(), axis.normalized()).toRotationMatrix();
+  out.translation() << shift[0], shift[1], shift[2];
+  return out.inverse();
 }
 
 }  // namespace granary
