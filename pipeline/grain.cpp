@@ -15,6 +15,10 @@ namespace granary {
 
 namespace {
 
+// Near the empty bin, and at most this many segment distances from the floor: bare floor or the thin toe of a heap. One
+// would leave a gap where the toe is as high as the distance, as the nearest point of a noisy floor lies nearer.
+constexpr double kFloorDistances = 1.5;
+
 // 255 near a jump of the disparity, where a matching window straddles two surfaces.
 cv::Mat NearStep(const cv::Mat& disparity, int margin_px) {
   constexpr float kStep_px = 1.5f;
@@ -135,7 +139,7 @@ GrainPoints FindGrain(const cv::Mat& points, const cv::Mat& disparity, const cv:
         const Eigen::Vector3d point = candidates[i].cast<double>();
         const double height_m = point.z() - floor.HeightAt(point.head<2>());
         // A wall, a beam, a cable: scene, and not the floor.
-        kept[i] = !(scene[i] && std::abs(height_m) > options.segment_distance_m);
+        kept[i] = !(scene[i] && std::abs(height_m) > kFloorDistances * options.segment_distance_m);
         if (kept[i]) out.mask.at<std::uint8_t>(static_cast<int>(y), rows[y].columns[i - first[y]]) = 255;
       }
     }
