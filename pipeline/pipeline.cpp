@@ -17,6 +17,7 @@
 #include "pipeline/rig_geometry.h"
 #include "pipeline/rig_sensitivity.h"
 #include "pipeline/rig_shots.h"
+#include "pipeline/run_budget.h"
 #include "pipeline/shots.h"
 #include "pipeline/surface_samples.h"
 #include "pipeline/text.h"
@@ -34,44 +35,7 @@ constexpr double kWindowPixels = 6;
 // More of the surface above the top of the bin than this is not a stray point.
 constexpr double kMaxAboveShare = 0.02;
 
-constexpr double kUnknownRig = 0.01;        // of the volume, where calibration and pose cannot be judged
 constexpr std::size_t kFewestPoints = 100;  // on the grain floor; fewer are no surface
-
-// Neighbouring disparities share their window's noise.
-double CorrelatedPixels(const StereoOptions& stereo) {
-  if (stereo.refine_radius_px == 0) return stereo.census_width * stereo.census_height;
-  const double side = 2 * stereo.refine_radius_px + 1;
-  return side * side;
-}
-
-// Of the floor that a reference shows.
-CloudNoise NoiseOfReference(const Reference& reference, const RigGeometry& rig, const PipelineOptions& options) {
-  CloudNoise noise;
-  double squares = 0;
-  for (int y = 0; y < reference.noise_m.rows; ++y) {
-    for (int x = 0; x < reference.noise_m.cols; ++x) {
-      const double height_m = reference.noise_m.at<float>(y, x);
-      if (rig.left_mask.at<std::uint8_t>(y, x) == 0 || !std::isfinite(height_m)) continue;
-      squares += height_m * height_m;
-      noise.points += 1;
-    }
-  }
-  if (noise.points > 0) noise.height_m = std::sqrt(squares / noise.points);
-  noise.correlated_px = CorrelatedPixels(options.stereo);
-  noise.depth_step_m = rig.floor_step_m;
-  return noise;
-}
-
-// A pose is found by the pictures that the calibration explains, so that their errors go together.
-RigDeviation DeviationOf(const RigGeometry& rig, const std::vector<SurfaceSample>& samples, FloorSource floor,
-                         double volume_m3) {
-  try {
-    return VolumeDeviation(samples, rig.setup.calibration, rig.setup.world_from_left, floor,
-                           PoseOrigin::kFoundWithCalibration);
-  } catch (const std::invalid_argument&) {  // so little was seen that no sample lies in both pictures
-    return {kUnknownRig * std::abs(volume_m3), 0};
-  }
-}
 
 std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
   std::vector<Eigen::Vector3d> out;
@@ -116,7 +80,6 @@ struct Pipeline::Impl {
   [[nodiscard]] Surface SurfaceOf(const Grain& grain) const;
   [[nodiscard]] std::optional<double> VolumeOfShot(const std::vector<RigShots>& rigs, std::size_t shot) const;
   void Describe(const Surface& surface, const VolumeResult& volume, Measurement& m) const;
-  [[nodiscard]] CloudNoise NoiseOf(const std::vector<RigView>& views, double distance_m) const;
   [[nodiscard]] UncertaintyBudget Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
                                          const std::vector<double>& shot_volumes_m3) const;
 };
@@ -149,7 +112,7 @@ Pipeline::Pipeline(Bin bin, std::vector<RigSetup> rigs, PipelineOptions options)
     const auto points = ValidPoints(geometry.setup.reference->points_in_world);
     empty_bin.insert(empty_bin.end(), points.begin(), points.end());
     spacing_m = std::max(spacing_m, geometry.spacing_m);
-    const CloudNoise noise = NoiseOfReference(*geometry.setup.reference, geometry, impl->options);
+    const CloudNoise noise = NoiseOfReference(*geometry.setup.reference, geometry, impl->options.stereo);
     // Of several rigs the one that saw its floor worst.
     if (!impl->empty_bin || noise.depth_step_m > impl->empty_bin->depth_step_m) impl->empty_bin = noise;
   }
@@ -344,30 +307,6 @@ void Pipeline::Impl::Describe(const Surface& surface, const VolumeResult& volume
   m.distance_max_m = camera_m - *m.level_min_m;
 }
 
-CloudNoise Pipeline::Impl::NoiseOf(const std::vector<RigView>& views, double distance_m) const {
-  CloudNoise noise;
-  double squares = 0, stated = 0;
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const Rectification& r = rigs[i].rectification;
-    noise.depth_step_m = std::max(noise.depth_step_m, r.DepthStep_m(std::max(0.01, distance_m)));
-    const RigView& view = views[i];
-    for (int y = 0; y < view.grain_mask.rows; ++y) {
-      for (int x = 0; x < view.grain_mask.cols; ++x) {
-        if (!view.grain_mask.at<std::uint8_t>(y, x)) continue;
-        noise.points += 1;
-        const float deviation = view.deviation_px.at<float>(y, x);
-        if (!std::isfinite(deviation)) continue;
-        const double height_m = r.DepthStep_m(r.Depth_m(view.disparity_px.at<float>(y, x))) * deviation;
-        squares += height_m * height_m;
-        stated += 1;
-      }
-    }
-  }
-  if (stated > 0) noise.height_m = std::sqrt(squares / stated);
-  noise.correlated_px = CorrelatedPixels(options.stereo);
-  return noise;
-}
-
 UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
                                          const std::vector<double>& shot_volumes_m3) const {
   const Measurement& m = run.measurement;
@@ -376,7 +315,7 @@ UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeRes
   in.interpolated_m2 = volume.area_m2 - volume.measured_area_m2;
   in.interpolated_m3 = volume.interpolated_m3;
   in.camera_height_m = rigs.front().camera_height_m;
-  in.surface = NoiseOf(run.rigs, m.distance_mean_m.value_or(in.camera_height_m));
+  in.surface = NoiseOfGrain(run.rigs, rigs, options.stereo, m.distance_mean_m.value_or(in.camera_height_m));
   in.empty_bin = empty_bin;
   in.completion_deviation_m = run.surface.completion_deviation_m;
   in.relief_m2 = relief_m2;
@@ -384,15 +323,10 @@ UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeRes
   if (shot_volumes_m3.size() > 1) in.shots_deviation_m3 = StandardDeviation(shot_volumes_m3);
   in.shots = m.shots;
 
-  // Rigs are calibrated one by one: their errors are independent, and each has its share of the cloud.
-  const auto samples = SampleSurface(run.surface, floor, bin);
   const FloorSource source = floor.Measured() ? FloorSource::kMeasured : FloorSource::kPose;
-  const double share = 1.0 / static_cast<double>(rigs.size());
-  for (const RigGeometry& rig : rigs) {
-    const RigDeviation deviation = DeviationOf(rig, samples, source, volume.total_m3);
-    in.calibration_m3 = std::hypot(in.calibration_m3, share * deviation.calibration_m3);
-    in.pose_m3 = std::hypot(in.pose_m3, share * deviation.pose_m3);
-  }
+  const RigDeviation from_rigs = DeviationOfRigs(rigs, SampleSurface(run.surface, floor, bin), source, volume.total_m3);
+  in.calibration_m3 = from_rigs.calibration_m3;
+  in.pose_m3 = from_rigs.pose_m3;
   return VolumeBudget(in);
 }
 
