@@ -267,9 +267,9 @@ Surface Pipeline::Impl::SurfaceOf(const Grain& grain) const {
 
 std::optional<double> Pipeline::Impl::VolumeOfShot(const std::vector<RigShots>& shots_of_rigs, std::size_t shot) const {
   std::vector<cv::Mat> points, disparities;
-  for (const RigShots& rig : shots_of_rigs) {
-    points.push_back(rig.points_in_world[shot]);
-    disparities.push_back(rig.disparity_px[shot]);
+  for (std::size_t i = 0; i < rigs.size(); ++i) {
+    disparities.push_back(shots_of_rigs[i].disparity_px[shot]);
+    points.push_back(PointsInWorld(disparities.back(), rigs[i].rectification, rigs[i].setup.world_from_left));
   }
   const Grain grain = FindGrainOf(points, disparities);
   if (grain.points_in_world.size() < kFewestPoints) return std::nullopt;

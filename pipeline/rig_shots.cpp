@@ -16,27 +16,30 @@ namespace {
 // Of the pixels that show the bin; a person covers several times as much in a store 12 m wide.
 constexpr double kMaxMovedShare = 0.001;
 
-Verdict JudgeMotion(const cv::Mat& moved, const std::vector<cv::Mat>& points_in_world, const Bin& bin) {
+Verdict JudgeMotion(const cv::Mat& moved, const std::vector<cv::Mat>& disparities, const RigGeometry& geometry,
+                    const Bin& bin) {
   const Eigen::AlignedBox2d box = Bounds(bin.footprint_m);
+  cv::Mat counted = cv::Mat::zeros(moved.size(), CV_8UC1);  // pixels that show the bin in any of the shots
   double in_bin = 0, moving = 0;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (int y = 0; y < moved.rows; ++y) {
-    for (int x = 0; x < moved.cols; ++x) {
-      const auto over_bin = [&](const cv::Mat& points) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const cv::Mat& disparity : disparities) {
+    const cv::Mat points = PointsInWorld(disparity, geometry.rectification, geometry.setup.world_from_left);
+    for (int y = 0; y < moved.rows; ++y) {
+      for (int x = 0; x < moved.cols; ++x) {
         const auto& p = points.at<cv::Vec3f>(y, x);
-        return std::isfinite(p[2]) && box.contains(Eigen::Vector2d(p[0], p[1]));
-      };
-      const auto seen = std::find_if(points_in_world.begin(), points_in_world.end(), over_bin);
-      if (seen == points_in_world.end()) continue;
-      ++in_bin;
-      if (moved.at<std::uint8_t>(y, x) == 0) continue;
-      ++moving;
-      const auto& p = seen->at<cv::Vec3f>(y, x);
-      sum += Eigen::Vector3d(p[0], p[1], p[2]);
+        const Eigen::Vector2d place(p[0], p[1]);
+        auto& done = counted.at<std::uint8_t>(y, x);
+        if (done || !std::isfinite(p[2]) || !box.contains(place)) continue;
+        done = 1;
+        ++in_bin;
+        if (moved.at<std::uint8_t>(y, x) == 0) continue;
+        ++moving;
+        sum += place;
+      }
     }
   }
   if (moving <= kMaxMovedShare * in_bin) return {};
-  const Eigen::Vector3d where = sum / moving;
+  const Eigen::Vector2d where = sum / moving;
   return {Reason::kSceneMoving, FormatText("%.1f %% of the bin is not the same in all shots, at most %.1f %%; ",
                                            100 * moving / in_bin, 100 * kMaxMovedShare) +
                                     FormatText("around x = %.2f m, y = %.2f m", where.x(), where.y())};
@@ -69,7 +72,6 @@ RigShots MakeCloudOfShots(const RigGeometry& geometry, const Bin& bin, const std
       out.cloud.quality = cloud.quality;
     }
     const RigView& view = k == 0 ? out.cloud.view : cloud.view;
-    out.points_in_world.push_back(view.points_in_world);
     out.disparity_px.push_back(view.disparity_px);
     deviations.push_back(view.deviation_px);
   }
@@ -78,7 +80,7 @@ RigShots MakeCloudOfShots(const RigGeometry& geometry, const Bin& bin, const std
   out.cloud.view.deviation_px = fused.deviation_px;
   out.cloud.view.points_in_world =
       PointsInWorld(fused.disparity_px, geometry.rectification, geometry.setup.world_from_left);
-  out.cloud.verdict = JudgeMotion(fused.moved, out.points_in_world, bin);
+  out.cloud.verdict = JudgeMotion(fused.moved, out.disparity_px, geometry, bin);
   timings.cloud += laps.Lap();
   return out;
 }

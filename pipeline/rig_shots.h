@@ -17,8 +17,9 @@ namespace granary {
 
 struct RigShots {
   RigCloud cloud;  ///< the shots as one; pictures are those of the first, its quality the worst of all
-  /// Each shot by itself, CV_32FC3 points and CV_32FC1 disparities; empty when there is but one.
-  std::vector<cv::Mat> points_in_world, disparity_px;
+  /// Each shot by itself, CV_32FC1; empty when there is but one. Points are made anew where they are wanted: those of
+  /// twenty shots would fill an edge box.
+  std::vector<cv::Mat> disparity_px;
 };
 
 /// MakeCloud for every shot, then their mean. A picture that is too poor, or something that moved in the bin between

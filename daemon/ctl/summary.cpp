@@ -91,6 +91,7 @@ std::string BudgetTable(const Measurement& m) {
 std::string Summary(const Measurement& m, const Bin& bin) {
   std::string text =
       "bin " + std::to_string(m.bin) + (bin.name.empty() ? "" : " (" + bin.name + ")") + ", " + UtcText(m.utc) + ": ";
+  if (!bin.grain.name.empty()) text.insert(text.size() - 2, ", " + bin.grain.name);
   text += m.valid ? (m.reduced_accuracy ? "valid, of reduced accuracy" : "valid")
                   : "INVALID: " + std::string(InfoOf(m.reason).name);
   if (m.simulated) text += " (simulated)";
