@@ -123,4 +123,10 @@ void WriteBytes(const fs::path& file, std::string_view bytes) {
   SyncFolder(folder, file);
 }
 
+void MakeFolder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw FileError(folder, "the folder cannot be made: " + error.message());
+}
+
 }  // namespace granary

@@ -15,4 +15,7 @@ namespace granary {
 /// @throws FileError naming the operation and the system's own words; no temporary file is left behind.
 void WriteBytes(const std::filesystem::path& file, std::string_view bytes);
 
+/// Makes `folder` and those above it; one that is there already stays as it is. @throws FileError naming it
+void MakeFolder(const std::filesystem::path& folder);
+
 }  // namespace granary

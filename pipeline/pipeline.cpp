@@ -80,7 +80,7 @@ struct Pipeline::Impl {
   [[nodiscard]] Surface SurfaceOf(const Grain& grain) const;
   [[nodiscard]] std::optional<double> VolumeOfShot(const std::vector<RigShots>& rigs, std::size_t shot) const;
   void Describe(const Surface& surface, const VolumeResult& volume, Measurement& m) const;
-  [[nodiscard]] UncertaintyBudget Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
+  [[nodiscard]] UncertaintyBudget Budget(const PipelineRun& run, const VolumeResult& volume,
                                          const std::vector<double>& shot_volumes_m3) const;
 };
 
@@ -204,9 +204,8 @@ PipelineRun Pipeline::RunShots(const std::vector<Shot>& shots, const Inventory& 
 
   // grain → surface → volume
   run.surface = my.SurfaceOf(grain);
-  const double relief_m2 = ReliefArea_m2(run.surface);
+  run.relief_area_m2 = ReliefArea_m2(run.surface);
   if (my.bin.grain.surface_offset_m) TakeReliefOff(*my.bin.grain.surface_offset_m, run.surface);
-  run.relief_area_m2 = relief_m2;
   m.timings_ms.mesh = laps.Lap();
   const VolumeResult volume = IntegrateVolume(run.surface);
   const double coverage = volume.measured_area_m2 / GrainFloor_m2(my.bin);
@@ -225,7 +224,7 @@ PipelineRun Pipeline::RunShots(const std::vector<Shot>& shots, const Inventory& 
     m.repeatability_rsd_percent = rsd;
   }
   my.Describe(run.surface, volume, m);
-  m.budget = my.Budget(run, volume, relief_m2, shot_volumes_m3);
+  m.budget = my.Budget(run, volume, shot_volumes_m3);
   m.volume_u95_m3 = m.budget->Expanded_m3();
   m.timings_ms.volume = laps.Lap();
   m.valid = true;
@@ -307,7 +306,7 @@ void Pipeline::Impl::Describe(const Surface& surface, const VolumeResult& volume
   m.distance_max_m = camera_m - *m.level_min_m;
 }
 
-UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeResult& volume, double relief_m2,
+UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeResult& volume,
                                          const std::vector<double>& shot_volumes_m3) const {
   const Measurement& m = run.measurement;
   BudgetInputs in;
@@ -318,7 +317,7 @@ UncertaintyBudget Pipeline::Impl::Budget(const PipelineRun& run, const VolumeRes
   in.surface = NoiseOfGrain(run.rigs, rigs, options.stereo, m.distance_mean_m.value_or(in.camera_height_m));
   in.empty_bin = empty_bin;
   in.completion_deviation_m = run.surface.completion_deviation_m;
-  in.relief_m2 = relief_m2;
+  in.relief_m2 = run.relief_area_m2;
   in.relief_deviation_m = ReliefDeviation_m(bin.grain, m.simulated);
   if (shot_volumes_m3.size() > 1) in.shots_deviation_m3 = StandardDeviation(shot_volumes_m3);
   in.shots = m.shots;

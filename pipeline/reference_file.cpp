@@ -115,9 +115,7 @@ void SaveReference(const Reference& reference, const fs::path& folder) {
     throw FileError(folder, "the reference's id \"" + reference.id + "\" cannot name a folder");
   }
   const fs::path version = folder / reference.id;
-  std::error_code error;
-  fs::create_directories(version, error);
-  if (error) throw FileError(version, "the folder cannot be made: " + error.message());
+  MakeFolder(version);
   WritePcd(version / kCloudName, reference.points_in_world, reference.noise_m);
 
   json index{{"id", reference.id},

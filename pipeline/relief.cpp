@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/volume.h"
+
 namespace granary {
 
 namespace {
@@ -12,10 +14,6 @@ constexpr double kKernel_m = 0.003;  // thickness of a kernel of wheat
 // Without an offset: half the span between the kernels' envelope and a sheet laid over them, for wheat.
 constexpr double kUnknownRelief_m = 5e-4;
 constexpr double kUnstatedShare = 0.25;  // deviation of an offset that was given without its uncertainty
-
-double Area_m2(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
-  return ((b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x())) / 2;
-}
 
 }  // namespace
 
@@ -27,8 +25,8 @@ double ReliefArea_m2(const Surface& surface) {
     const double share = (ReliefShare(surface.height_m[t[0]]) + ReliefShare(surface.height_m[t[1]]) +
                           ReliefShare(surface.height_m[t[2]])) /
                          3;
-    area_m2 += share * Area_m2(surface.vertices_in_world[t[0]], surface.vertices_in_world[t[1]],
-                               surface.vertices_in_world[t[2]]);
+    const auto place = [&](int corner) { return surface.vertices_in_world[t[corner]].head<2>(); };
+    area_m2 += share * PlanArea_m2(place(0), place(1), place(2));
   }
   return area_m2;
 }

@@ -51,7 +51,8 @@ std::vector<SurfaceSample> SampleSurface(const Surface& surface, const Floor& fl
       }
     }
   }
-  for (SurfaceSample& sample : samples) sample.area_m2 = GrainFloor_m2(bin) / static_cast<double>(samples.size());
+  const double area_m2 = GrainFloor_m2(bin) / static_cast<double>(samples.size());
+  for (SurfaceSample& sample : samples) sample.area_m2 = area_m2;
   return samples;
 }
 

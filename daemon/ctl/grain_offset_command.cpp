@@ -72,12 +72,7 @@ void AddGrainOffset(CLI::App& app, const GlobalOptions& global, Command& chosen)
   command->add_option("--volume", arguments->volume_m3, "true volume of the grain, m³")->required()->type_name("M3");
   command->add_option("--volume-u95", arguments->volume_u95_m3, "its expanded uncertainty, m³; 0 when not given")
       ->type_name("M3");
-  command
-      ->add_option("--frames", arguments->files.frames,
-                   "left and right picture of each rig, in place of its cameras; several times for several shots")
-      ->type_name("L R");
-  command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
-  command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
+  AddFrameOptions(*command, arguments->files, arguments->rig, "several times for several shots");
   command->callback([=, &global, &chosen] { chosen = [=, &global] { return FindOffset(global, *arguments); }; });
 }
 

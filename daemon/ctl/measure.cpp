@@ -43,13 +43,8 @@ int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
 void AddMeasure(CLI::App& app, const GlobalOptions& global, Command& chosen) {
   const auto arguments = std::make_shared<MeasureArguments>();
   CLI::App* command = app.add_subcommand("measure", "one full measurement; never published");
-  command
-      ->add_option("--frames", arguments->files.frames,
-                   "left and right picture of each rig, in place of its cameras; several times for several shots")
-      ->type_name("L R");
-  command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
+  AddFrameOptions(*command, arguments->files, arguments->rig, "several times for several shots");
   command->add_option("--threshold", arguments->threshold_m, "longest edge of a triangle, metres")->type_name("M");
-  command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
   command->add_flag("--budget", arguments->budget, "print what the uncertainty is made of, term by term");
   command->add_option("--save", arguments->save, "write every intermediate there")->type_name("DIR");
   command->callback([=, &global, &chosen] { chosen = [=, &global] { return Measure(global, *arguments); }; });

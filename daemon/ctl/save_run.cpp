@@ -12,7 +12,6 @@
 #include "daemon/record_json.h"
 #include "pipeline/cloud_files.h"
 #include "pipeline/file_bytes.h"
-#include "pipeline/file_error.h"
 #include "pipeline/frame_file.h"
 #include "pipeline/pictures.h"
 #include "pipeline/removed.h"
@@ -21,12 +20,6 @@ namespace granary {
 namespace {
 
 namespace fs = std::filesystem;
-
-void MakeFolder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw FileError(folder, "the folder cannot be made: " + error.message());
-}
 
 /// Grey as an 8- or 16-bit picture, values kept.
 cv::Mat AsPicture(const cv::Mat& grey) {

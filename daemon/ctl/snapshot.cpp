@@ -4,12 +4,11 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <system_error>
 
 #include "daemon/ctl/command.h"
 #include "daemon/ctl/setup.h"
 #include "daemon/record_json.h"
-#include "pipeline/file_error.h"
+#include "pipeline/file_bytes.h"
 #include "pipeline/frame_file.h"
 
 namespace granary {
@@ -26,9 +25,7 @@ int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
     throw UsageError("bin " + std::to_string(bin.config.bin.id) + " has several rigs; --rig NAME is needed");
   }
   const std::filesystem::path folder = arguments.folder;
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw FileError(folder, "the folder cannot be made: " + error.message());
+  MakeFolder(folder);
   const FramePair pair = CapturePair(bin, bin.rigs.front(), false);
   SaveFrame(folder / "left.png", pair.left.image);
   SaveFrame(folder / "right.png", pair.right.image);

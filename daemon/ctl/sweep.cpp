@@ -9,18 +9,17 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "daemon/ctl/command.h"
 #include "daemon/ctl/gnuplot.h"
+#include "daemon/ctl/run.h"
 #include "daemon/ctl/setup.h"
 #include "daemon/ctl/sweep_plot.h"
 #include "daemon/ctl/sweep_table.h"
 #include "pipeline/edge_sweep.h"
 #include "pipeline/file_bytes.h"
-#include "pipeline/file_error.h"
 
 namespace granary {
 namespace {
@@ -67,9 +66,7 @@ SweepRepeat SweepRun(const PipelineRun& run, const std::vector<double>& threshol
 
 /// The table is kept when the plot cannot be drawn.
 void Save(const SweepTable& table, const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw FileError(folder, "the folder cannot be made: " + error.message());
+  MakeFolder(folder);
   WriteBytes(folder / "sweep.csv", SweepCsv(table));
   try {
     DrawPlot(SweepPlotScript(table), folder / "sweep.png");
@@ -89,11 +86,7 @@ int Sweep(const GlobalOptions& global, const SweepArguments& arguments) {
   bin.config.pipeline.surface.edge_threshold_m.reset();
   const std::vector<Shot> shots = TakeRepeats(bin, arguments.files, arguments.repeats);
 
-  std::vector<RigSetup> setups = bin.Setups();
-  const bool from_files = !arguments.files.frames.empty();
-  for (std::size_t i = 0; i < setups.size(); ++i) setups[i].reference = ReferenceFor(bin, i, from_files);
-  const Pipeline pipeline(bin.config.bin, std::move(setups), bin.config.pipeline);
-  for (const std::string& note : pipeline.Notes()) Say(note);
+  const Pipeline pipeline = PipelineOf(bin, !arguments.files.frames.empty());
 
   std::vector<SweepRepeat> repeats;
   UtcTime utc{};
@@ -133,12 +126,7 @@ void AddSweep(CLI::App& app, const GlobalOptions& global, Command& chosen) {
   command->add_option("--repeats", arguments->repeats, "measurements; 10 with the cameras, with files all pairs given")
       ->type_name("N");
   command->add_option("--volume", arguments->volume_m3, "true volume, m3: errors are shown")->type_name("M3");
-  command
-      ->add_option("--frames", arguments->files.frames,
-                   "left and right picture of each rig, once a repeat, in place of its cameras")
-      ->type_name("L R");
-  command->add_option("--ambient", arguments->files.ambient, "the same with the projector off")->type_name("L R");
-  command->add_option("--rig", arguments->rig, "measure with this rig only")->type_name("NAME");
+  AddFrameOptions(*command, arguments->files, arguments->rig, "once a repeat");
   command->add_option("-o,--out", arguments->folder, "folder for sweep.csv and sweep.png, made when absent")
       ->capture_default_str()
       ->type_name("DIR");

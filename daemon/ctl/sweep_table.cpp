@@ -8,6 +8,7 @@
 
 #include "daemon/ctl/command.h"
 #include "daemon/record_json.h"
+#include "pipeline/shots.h"
 #include "pipeline/text.h"
 
 namespace granary {
@@ -25,9 +26,7 @@ double Mean(const std::vector<double>& values) {
 
 std::optional<double> Rsd_percent(const std::vector<double>& values, double mean) {
   if (values.size() < 2 || mean == 0) return std::nullopt;
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return 100 * std::sqrt(squares / static_cast<double>(values.size() - 1)) / std::abs(mean);
+  return 100 * StandardDeviation(values) / std::abs(mean);
 }
 
 /// Decimals that tell all thresholds apart, millimetres.
