@@ -25,7 +25,27 @@ const Section<CameraOptions>& CameraSection() {
            "What starts an exposure. Unset: line0 with a GPIO projector, else software."),
        Value<T>("files", &T::files, "", "replay only, and needed there: frames, used in turn, round and round.")
            .Allowed("pictures (PNG, TIFF, PGM); as many left as right")
-           .OmitEmpty()},
+           .OmitEmpty(),
+       Value<T>(
+           "pixel_format", &T::pixel_format, "",
+           "aravis and v4l2: what the camera sends. Unset: the deepest grey that is sent unpacked in 8 bits (aravis) "
+           "or that the node offers (v4l2).")
+           .Allowed("a GenICam name (Mono8, Mono10p, Mono12Packed, …) or a V4L2 one (GREY, Y10, Y12, Y16, YUYV, MJPG)"),
+       Value<T>("roi_px", &T::roi_px, "px",
+                "aravis and v4l2: x, y, width, height of the part that is sent. Unset: the calibration's size from the "
+                "sensor's first pixel on.")
+           .OmitEmpty(),
+       Value<T>("features", &T::features, "",
+                "aravis and v4l2: GenICam features or V4L2 controls by their own names, set in this order after all "
+                "else and read back.")
+           .Allowed("{ Name = value, … }"),
+       Value<T>("packet_size", &T::packet_size, "bytes", "GigE: of a stream packet. 0: the largest the link carries."),
+       Value<T>("packet_delay_ns", &T::packet_delay_ns, "ns",
+                "GigE: pause between packets. Unset: what leaves two cameras on one link their share."),
+       Value<T>("resend", &T::resend, "", "GigE: packets that were lost are asked for again."),
+       Value<T>("socket_buffer_kib", &T::socket_buffer_kib, "KiB",
+                "GigE: receive buffer of the stream; net.core.rmem_max must allow it."),
+       Value<T>("ptp", &T::ptp, "", "GigE: the camera's clock follows PTP; unlocked, no frame is taken.")},
       [](const T& options) { return Faults(options); }};
   return section;
 }
@@ -42,8 +62,18 @@ const Section<ProjectorOptions>& ProjectorSection() {
        Value<T>("chip", &T::chip, "", "gpio only, and needed there: the chip.")
            .Allowed("its device or label, e.g. /dev/gpiochip0"),
        Value<T>("line", &T::line, "", "gpio only: the line's offset on the chip."),
+       Value<T>("line_name", &T::line_name, "", "gpio only: the line's name, in place of its offset.")
+           .Allowed("a name as gpioinfo lists it"),
+       Value<T>("active_low", &T::active_low, "", "gpio only: the projector is lit while the line is low."),
+       Value<T>("trigger_line", &T::trigger_line, "",
+                "gpio only: a second line, which triggers the cameras settle_us after the projector's rose. -1: the "
+                "projector's line does both."),
+       Value<T>("trigger_line_name", &T::trigger_line_name, "", "gpio only: that line's name, in place of its offset.")
+           .Allowed("a name as gpioinfo lists it"),
        Count<T>("settle_us", &T::settle, "us", "From the pulse's start to the exposure's."),
-       Count<T>("max_on_ms", &T::max_on, "ms", "The projector is never lit longer than this.")},
+       Count<T>("max_on_ms", &T::max_on, "ms", "The projector is never lit longer than this."),
+       Value<T>("max_duty_percent", &T::max_duty_percent, "%",
+                "gpio only: nor for a greater share of any ten seconds.")},
       [](const T& options) { return Faults(options); }};
   return section;
 }
@@ -91,6 +121,16 @@ const Section<RigOptions>& RigSection() {
            .Required()
            .Allowed("an existing file; a relative path starts at the configuration's folder"),
        Count<T>("max_skew_us", &T::max_skew, "us", "Largest time between the two frames of a pair."),
+       Value<T>(
+           "ambient", &T::ambient, "",
+           "A second pair is taken with the projector dark, and taken off the first. Only where the cameras can be "
+           "triggered without lighting the projector."),
+       Value<T>("warmup_pairs", &T::warmup_pairs, "",
+                "Pairs thrown away after idling, as cameras lose their first frames. Unset: 1 with aravis or v4l2 "
+                "cameras, else 0."),
+       Value<T>("exposure_brackets", &T::exposure_brackets, "",
+                "Most shorter exposures, each a quarter of the one before, that are added while a picture saturates. "
+                "Unset: 2 with aravis or v4l2 cameras, else 0."),
        InlineTable<T>("left", &T::left, CameraSection(), "The left camera.").Required(),
        InlineTable<T>("right", &T::right, CameraSection(), "The right camera.").Required(),
        InlineTable<T>("projector", &T::projector, ProjectorSection(), "The speckle projector. Unset: none."),

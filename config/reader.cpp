@@ -6,6 +6,9 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
+#include <utility>
+#include <variant>
 
 #include "config/values.h"
 
@@ -163,6 +166,40 @@ bool ReadValue(const Node& node, Eigen::Vector2d& out) {
   return true;
 }
 
+bool ReadValue(const Node& node, std::vector<Feature>& out) {
+  const toml::table* table = node.toml.as_table();
+  if (table == nullptr) {
+    node.Mismatch();
+    return false;
+  }
+  // toml++ sorts by name; what counts is the order in the file.
+  std::vector<std::pair<toml::source_position, Feature>> found;
+  bool all_well = true;
+  for (const auto& [key, value] : *table) {
+    const std::string name(key.str());
+    const auto note = [&](auto&& setting) { found.emplace_back(value.source().begin, Feature{name, setting}); };
+    if (const auto* flag = value.as_boolean()) {
+      note(flag->get());
+    } else if (const auto* whole = value.as_integer()) {
+      note(whole->get());
+    } else if (const auto* number = value.as_floating_point(); number != nullptr && std::isfinite(number->get())) {
+      note(number->get());
+    } else if (const auto* text = value.as_string()) {
+      note(text->get());
+    } else {
+      Node{value, node.key + "." + QuoteKey(name), "true or false, a number or a string", node.reader}.Mismatch();
+      all_well = false;
+    }
+  }
+  if (!all_well) return false;
+  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.first.line, a.first.column) < std::pair(b.first.line, b.first.column);
+  });
+  out.clear();
+  for (auto& entry : found) out.push_back(std::move(entry.second));
+  return true;
+}
+
 std::string PrintValue(bool value) { return value ? "true" : "false"; }
 std::string PrintValue(double value) { return PrintNumber(value); }
 std::string PrintValue(int value) { return std::to_string(value); }
@@ -173,6 +210,21 @@ std::string PrintValue(std::chrono::milliseconds value) { return Quote(PrintDura
 std::string PrintValue(std::chrono::minutes value) { return Quote(PrintTimeOfDay(value)); }
 std::string PrintValue(const Eigen::Vector2d& value) {
   return "[" + PrintNumber(value.x()) + ", " + PrintNumber(value.y()) + "]";
+}
+std::string PrintValue(const std::vector<Feature>& value) {
+  std::string out;
+  for (const auto& [name, setting] : value) {
+    const std::string text = std::visit(
+        [](const auto& plain) {
+          using V = std::remove_cvref_t<decltype(plain)>;
+          if constexpr (std::is_same_v<V, std::string>) return Quote(plain);
+          if constexpr (std::is_same_v<V, std::int64_t>) return std::to_string(plain);
+          if constexpr (std::is_same_v<V, bool> || std::is_same_v<V, double>) return PrintValue(plain);
+        },
+        setting);
+    out += (out.empty() ? "{ " : ", ") + QuoteKey(name) + " = " + text;
+  }
+  return out.empty() ? out : out + " }";
 }
 
 }  // namespace granary

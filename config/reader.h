@@ -14,6 +14,7 @@
 #include <Eigen/Core>
 
 #include "config/config.h"
+#include "drivers/options.h"
 
 namespace granary {
 
@@ -67,6 +68,7 @@ struct Node {
 }
 [[nodiscard]] inline std::string TypeWords(const std::chrono::minutes*) { return "a time of the day in quotes"; }
 [[nodiscard]] inline std::string TypeWords(const Eigen::Vector2d*) { return "a corner [x, y]"; }
+[[nodiscard]] inline std::string TypeWords(const std::vector<Feature>*) { return "a table in braces"; }
 [[nodiscard]] inline std::string TypeWords(const std::vector<Eigen::Vector2d>*) { return "a polygon [[x, y], …]"; }
 template <typename T>
 [[nodiscard]] std::string TypeWords(const std::vector<T>*) {
@@ -87,6 +89,7 @@ bool ReadValue(const Node& node, std::filesystem::path& out);      ///< made abs
 bool ReadValue(const Node& node, std::chrono::milliseconds& out);  ///< a string with a unit
 bool ReadValue(const Node& node, std::chrono::minutes& out);       ///< a time of the day, "HH:MM"
 bool ReadValue(const Node& node, Eigen::Vector2d& out);            ///< [x, y]
+bool ReadValue(const Node& node, std::vector<Feature>& out);       ///< a table, in the order of the file
 
 /// An array. Elements that are no T leave a fault at their own line, and the whole array unread.
 template <typename T>
@@ -126,6 +129,7 @@ bool ReadValue(const Node& node, std::optional<T>& out) {
 [[nodiscard]] std::string PrintValue(std::chrono::milliseconds value);
 [[nodiscard]] std::string PrintValue(std::chrono::minutes value);
 [[nodiscard]] std::string PrintValue(const Eigen::Vector2d& value);
+[[nodiscard]] std::string PrintValue(const std::vector<Feature>& value);  ///< empty when there is none
 
 template <typename T>
 [[nodiscard]] std::string PrintValue(const std::vector<T>& values) {

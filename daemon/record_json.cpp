@@ -52,6 +52,7 @@ void ForEachField(Record& m, Visit visit) {
   visit("loss_kg", m.loss_kg);
   visit("segment_distance_m", m.segment_distance_m);
   visit("skew_us", m.skew_us);
+  visit("pulse_us", m.pulse_us);
   visit("speckle_contrast", m.speckle_contrast);
   visit("saturated_percent", m.saturated_percent);
   visit("epipolar_rms_px", m.epipolar_rms_px);

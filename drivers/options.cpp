@@ -23,15 +23,36 @@ constexpr double kLongestExposure_us = 1e6;
 
 }  // namespace
 
+TriggerMode TriggerOf(const CameraOptions& camera, const ProjectorOptions& projector) {
+  const bool gpio = projector.driver == ProjectorDriver::kGpio;
+  return camera.trigger.value_or(gpio ? TriggerMode::kLine0 : TriggerMode::kSoftware);
+}
+
+bool IsDevice(const CameraOptions& camera) {
+  return camera.driver == CameraDriver::kAravis || camera.driver == CameraDriver::kV4l2;
+}
+
+int WarmupPairs(const RigOptions& options) {
+  return options.warmup_pairs.value_or(IsDevice(options.left) || IsDevice(options.right) ? 1 : 0);
+}
+
+int ExposureBrackets(const RigOptions& options) {
+  return options.exposure_brackets.value_or(IsDevice(options.left) && IsDevice(options.right) ? 2 : 0);
+}
+
 std::chrono::microseconds PulseWidth(const RigOptions& options) {
+  const auto by_line = [&](const CameraOptions& camera) {
+    return TriggerOf(camera, options.projector) == TriggerMode::kLine0;
+  };
+  const bool gpio = options.projector.driver == ProjectorDriver::kGpio;
+  if (gpio && !(by_line(options.left) && by_line(options.right))) return options.projector.max_on;
   const double exposure_us = std::max(options.left.exposure_us, options.right.exposure_us);
   return options.projector.settle + std::chrono::microseconds(std::llround(std::ceil(exposure_us)));
 }
 
 std::vector<std::string> Faults(const CameraOptions& options) {
   FaultList faults;
-  const bool by_id = options.driver == CameraDriver::kAravis || options.driver == CameraDriver::kV4l2;
-  faults.Require(!by_id || !options.id.empty(),
+  faults.Require(!IsDevice(options) || !options.id.empty(),
                  "id: is missing; aravis and v4l2 need the id that `granaryctl cameras` lists");
   faults.Require(options.exposure_us >= 1 && options.exposure_us <= kLongestExposure_us,
                  "exposure_us: must be 1 to 1000000");
@@ -40,6 +61,20 @@ std::vector<std::string> Faults(const CameraOptions& options) {
                  "files: must name at least one picture when driver = \"replay\"");
   faults.Require(options.driver == CameraDriver::kReplay || options.files.empty(),
                  "files: must be absent unless driver = \"replay\"");
+  const auto& roi = options.roi_px;
+  faults.Require(roi.empty() || (roi.size() == 4 && roi[0] >= 0 && roi[1] >= 0 && roi[2] > 0 && roi[3] > 0 &&
+                                 *std::max_element(roi.begin(), roi.end()) <= 65535),
+                 "roi_px: must be [x, y, width, height] in whole pixels, 0 to 65535, width and height at least 1");
+  faults.Require(options.packet_size == 0 || (options.packet_size >= 220 && options.packet_size <= 16260),
+                 "packet_size: must be 0 (found out) or 220 to 16260");
+  faults.Require(!options.packet_delay_ns || (*options.packet_delay_ns >= 0 && *options.packet_delay_ns <= 100'000'000),
+                 "packet_delay_ns: must be 0 to 100000000");
+  faults.Require(options.socket_buffer_kib >= 64 && options.socket_buffer_kib <= 1'048'576,
+                 "socket_buffer_kib: must be 64 to 1048576");
+  faults.Require(IsDevice(options) || options.features.empty(),
+                 "features: must be absent unless driver = \"aravis\" or \"v4l2\"");
+  faults.Require(!options.ptp || options.driver == CameraDriver::kAravis,
+                 "ptp: must be false unless driver = \"aravis\"");
   return faults.Take();
 }
 
@@ -52,6 +87,12 @@ std::vector<std::string> Faults(const ProjectorOptions& options) {
                  "settle_us: must be 0 to 100000");
   faults.Require(options.max_on >= std::chrono::milliseconds(1) && options.max_on <= std::chrono::milliseconds(1000),
                  "max_on_ms: must be 1 to 1000");
+  faults.Require(options.max_duty_percent > 0 && options.max_duty_percent <= 100,
+                 "max_duty_percent: must be more than 0, up to 100");
+  faults.Require(options.trigger_line >= -1 && options.trigger_line <= 1023,
+                 "trigger_line: must be 0 to 1023, or -1 for none");
+  faults.Require(options.trigger_line < 0 || options.trigger_line != options.line || !options.line_name.empty(),
+                 "trigger_line: must be another line than the projector's, or absent for one line that drives both");
   return faults.Take();
 }
 
@@ -85,6 +126,21 @@ std::vector<std::string> Faults(const RigOptions& options) {
     faults.Require(options.left.files.size() == options.right.files.size(),
                    "right.files: must be as many pictures as left.files, one for each pair");
   }
+  faults.Require(!options.warmup_pairs || (*options.warmup_pairs >= 0 && *options.warmup_pairs <= 20),
+                 "warmup_pairs: must be 0 to 20");
+  faults.Require(!options.exposure_brackets || (*options.exposure_brackets >= 0 && *options.exposure_brackets <= 3),
+                 "exposure_brackets: must be 0 to 3");
+  const bool from_files = options.left.driver == CameraDriver::kReplay || options.right.driver == CameraDriver::kReplay;
+  faults.Require(!from_files || options.exposure_brackets.value_or(0) == 0,
+                 "exposure_brackets: must be 0 with a replay camera, whose exposure cannot be set");
+  const auto needs_light = [&](const CameraOptions& camera) {
+    return TriggerOf(camera, options.projector) == TriggerMode::kLine0 && !options.projector.HasTriggerLine();
+  };
+  faults.Require(
+      !options.ambient || from_files || left_sim || !(needs_light(options.left) || needs_light(options.right)),
+      "ambient: must be false where one line lights the projector and triggers the cameras; give "
+      "projector.trigger_line, or another trigger");
+  faults.Require(!options.ambient || !from_files, "ambient: must be false with a replay camera");
   // The exposures are judged only where they are possible at all; their own faults say the rest.
   const bool judged =
       Faults(options.left).empty() && Faults(options.right).empty() && Faults(options.projector).empty();

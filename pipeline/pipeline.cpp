@@ -37,6 +37,14 @@ constexpr double kMaxAboveShare = 0.02;
 
 constexpr std::size_t kFewestPoints = 100;  // on the grain floor; fewer are no surface
 
+/// Keeps in `largest` the largest of the figures that are known.
+void NoteLargest(std::optional<double>& largest, std::optional<double> figure) {
+  if (figure) largest = std::max(largest.value_or(*figure), *figure);
+}
+void NoteLargest(std::optional<double>& largest_us, std::optional<std::chrono::microseconds> figure) {
+  if (figure) NoteLargest(largest_us, static_cast<double>(figure->count()));
+}
+
 std::vector<Eigen::Vector3d> ValidPoints(const cv::Mat& points) {
   std::vector<Eigen::Vector3d> out;
   for (int y = 0; y < points.rows; ++y) {
@@ -150,7 +158,10 @@ PipelineRun Pipeline::RunShots(const std::vector<Shot>& shots, const Inventory& 
   for (const Shot& shot : shots) {
     for (const auto& pair : shot) {
       m.simulated = m.simulated || pair.Simulated();
-      m.skew_us = std::max(m.skew_us.value_or(0), static_cast<double>(pair.skew.count()));
+      NoteLargest(m.skew_us, pair.skew);
+      NoteLargest(m.pulse_us, pair.pulse);
+      NoteLargest(m.temperature_c, pair.left.temperature_c);
+      NoteLargest(m.temperature_c, pair.right.temperature_c);
     }
   }
   for (const RigGeometry& geometry : my.rigs) {

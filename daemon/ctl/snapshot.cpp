@@ -34,7 +34,7 @@ int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
     PrintJson({{"left", (folder / "left.png").string()},
                {"right", (folder / "right.png").string()},
                {"utc", UtcText(pair.left.exposure_start)},
-               {"skew_us", pair.skew.count()},
+               {"skew_us", pair.skew ? nlohmann::ordered_json(pair.skew->count()) : nlohmann::ordered_json()},
                {"bit_depth", pair.left.bit_depth},
                {"simulated", pair.Simulated()}});
   }

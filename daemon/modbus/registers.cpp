@@ -146,6 +146,7 @@ constexpr RegisterRow kTable[] = {
     {218, kF32, 2, "time_mesh", "ms", "Triangulation, wall clock", StageTime<&StageTimings_ms::mesh>},
     {220, kF32, 2, "time_volume", "ms", "Integration, wall clock", StageTime<&StageTimings_ms::volume>},
     {222, kF32, 2, "time_total", "ms", "The whole cycle, wall clock", StageTime<&StageTimings_ms::total>},
+    {224, kF32, 2, "pulse", "µs", "How long the projector was lit, measured", Good<&M::pulse_us>},
     {240, kU32, 2, "clients", "", "Modbus clients connected now", Served<&ModbusCounters::clients>},
     {242, kU32, 2, "requests", "", "Modbus requests answered", Served<&ModbusCounters::requests>},
     {244, kU32, 2, "malformed", "", "Connections closed for what they sent", Served<&ModbusCounters::malformed>},

@@ -2,6 +2,8 @@
 #include "drivers/sim/bench.h"
 
 #include <chrono>
+#include <cmath>
+#include <cstdint>
 
 #include <spdlog/spdlog.h>
 
@@ -35,6 +37,8 @@ std::optional<Frame> SimBench::Grab(Side side, const SimExposure& exposure) {
   if (!shot_) TakeShot(false);
   Frame frame = scene_.RenderSide(side, shots_, shot_->lit, exposure);
   frame.exposure_start = shot_->time;
+  frame.exposure_end =
+      shot_->time + std::chrono::nanoseconds(static_cast<std::int64_t>(std::llround(exposure.exposure_us * 1000)));
   return frame;
 }
 

@@ -17,6 +17,11 @@ CameraSim::CameraSim(std::shared_ptr<SimBench> bench, Side side, const CameraOpt
 
 std::string CameraSim::Id() const { return id_; }
 
+bool CameraSim::SetExposure(double exposure_us) {
+  exposure_.exposure_us = exposure_us;
+  return true;
+}
+
 void CameraSim::Arm() { bench_->Arm(side_); }
 
 Frame CameraSim::Grab(std::chrono::milliseconds) {

@@ -15,6 +15,7 @@ class CameraSim final : public Camera {
 
   /// The configured id, else "sim:left" or "sim:right".
   [[nodiscard]] std::string Id() const override;
+  bool SetExposure(double exposure_us) override;
   void Arm() override;
   /// Renders at once. @throws DeviceError (kFrameMissing) when not armed, or when the frame was already grabbed.
   [[nodiscard]] Frame Grab(std::chrono::milliseconds timeout) override;

@@ -13,8 +13,8 @@ namespace granary {
 class ProjectorSim final : public Projector {
  public:
   ProjectorSim(std::shared_ptr<SimBench> bench, const ProjectorOptions& options);
-  /// Returns at once: simulated light takes no time.
-  void Pulse(std::chrono::microseconds width) override;
+  /// Returns at once: simulated light takes no time, and is said to last `width`.
+  LitInterval Pulse(std::chrono::microseconds width, const std::function<void()>& lit = {}) override;
 
  private:
   std::shared_ptr<SimBench> bench_;

@@ -57,10 +57,11 @@ struct Measurement {
   std::uint64_t points = 0;                  ///< grain points measured
   std::uint64_t triangles = 0;
   std::optional<double> skew_us;            ///< exposure start, left against right
+  std::optional<double> pulse_us;           ///< how long the projector was lit, the longest of the shots
   std::optional<double> speckle_contrast;   ///< RMS local contrast over the local mean, left frame
   std::optional<double> saturated_percent;  ///< share of full pixels, the worse frame
   std::optional<double> epipolar_rms_px;
-  std::optional<double> temperature_c;
+  std::optional<double> temperature_c;  ///< of the warmest camera
   std::string reference_id;  ///< empty when measured without a reference
   StageTimings_ms timings_ms;
   double peak_rss_mib = 0;

@@ -6,8 +6,8 @@
 
 namespace granary {
 
-const std::array<ReasonInfo, 21>& ReasonTable() {
-  static constexpr std::array<ReasonInfo, 21> kTable{{
+const std::array<ReasonInfo, 25>& ReasonTable() {
+  static constexpr std::array<ReasonInfo, 25> kTable{{
       {Reason::kOk, "ok", FaultKind::kNone, "Measured.", ""},
       {Reason::kNotMeasured, "not_measured", FaultKind::kNone, "No measurement has been made yet.",
        "Wait for the schedule or start a measurement."},
@@ -21,10 +21,20 @@ const std::array<ReasonInfo, 21>& ReasonTable() {
       {Reason::kFrameInvalid, "frame_invalid", FaultKind::kCamera,
        "A frame has the wrong size, depth or number of channels.",
        "Use single-channel 8- to 16-bit frames of the calibrated size, both alike."},
+      {Reason::kSettingRefused, "setting_refused", FaultKind::kCamera,
+       "A camera does not take a setting of the configuration.", "Mend the key that the log names."},
+      {Reason::kCameraInUse, "camera_in_use", FaultKind::kCamera, "Another program holds a camera.",
+       "Close the other program; after a crash its hold ends by itself within seconds."},
+      {Reason::kStrayTrigger, "stray_trigger", FaultKind::kCamera,
+       "A camera took frames that no pulse of ours had asked for.",
+       "Check the trigger line for noise, its pull-down, and what else drives it."},
       {Reason::kProjectorFault, "projector_fault", FaultKind::kProjector, "The projector could not be pulsed.",
        "Check the GPIO chip, line and permissions."},
       {Reason::kProjectorDark, "projector_dark", FaultKind::kProjector, "The speckle is not in the picture.",
        "Check the projector's supply, its trigger line and its window."},
+      {Reason::kProjectorGuard, "projector_guard", FaultKind::kProjector,
+       "The guard switched the projector off, or refused to light it so soon again.",
+       "Check max_on_ms and max_duty_percent against exposure and schedule."},
       {Reason::kTooDark, "too_dark", FaultKind::kPicture, "A picture is too dark to be measured.",
        "Open the aperture or lengthen the exposure; check for a closed lens cap."},
       {Reason::kSaturated, "saturated", FaultKind::kPicture, "Too much of a picture is saturated.",

@@ -16,8 +16,12 @@ enum class Reason : std::uint16_t {
   kFrameMissing = 11,
   kSkewTooLarge = 12,
   kFrameInvalid = 13,
+  kSettingRefused = 14,
+  kCameraInUse = 15,
+  kStrayTrigger = 16,
   kProjectorFault = 20,
   kProjectorDark = 21,
+  kProjectorGuard = 22,
   // the pictures
   kTooDark = 30,
   kSaturated = 31,
@@ -48,7 +52,7 @@ struct ReasonInfo {
 };
 
 /// The whole table, in ascending order of the code.
-[[nodiscard]] const std::array<ReasonInfo, 21>& ReasonTable();
+[[nodiscard]] const std::array<ReasonInfo, 25>& ReasonTable();
 /// The row of `reason`. @throws std::logic_error for a code that is not in the table.
 [[nodiscard]] const ReasonInfo& InfoOf(Reason reason);
 

@@ -111,7 +111,10 @@ class FakeCamera : public Camera {
 class FakeProjector : public Projector {
  public:
   explicit FakeProjector(std::shared_ptr<FakeBench> bench) : bench_(std::move(bench)) {}
-  void Pulse(std::chrono::microseconds) override { ++bench_->pulses; }
+  LitInterval Pulse(std::chrono::microseconds width, const std::function<void()>&) override {
+    ++bench_->pulses;
+    return {UtcTime{}, UtcTime{width}};
+  }
 
  private:
   std::shared_ptr<FakeBench> bench_;
@@ -126,8 +129,7 @@ inline auto FakeOpener(std::shared_ptr<FakeBench> bench, const Clock& clock) {
       throw DeviceError(Reason::kCameraUnavailable, "fake", "open", "no such device");
     }
     return Rig(std::make_unique<FakeCamera>(bench), std::make_unique<FakeCamera>(bench),
-               std::make_unique<FakeProjector>(bench), std::chrono::microseconds{500}, std::chrono::microseconds{8000},
-               [&clock] { return clock.Now(); });
+               std::make_unique<FakeProjector>(bench), CaptureOptions{}, [&clock] { return clock.Now(); });
   };
 }
 

@@ -47,6 +47,7 @@ Measurement Full() {
                       &m.edge_threshold_m,
                       &m.segment_distance_m,
                       &m.skew_us,
+                      &m.pulse_us,
                       &m.speckle_contrast,
                       &m.saturated_percent,
                       &m.epipolar_rms_px,

@@ -82,20 +82,28 @@ struct FakeProjectorState {
   std::chrono::microseconds width{0};  ///< of the last pulse
   int pulses = 0;
   bool lit = false;
+  bool has_trigger_line = false;
+  UtcTime now{};  ///< the time of every pulse
 };
 
 class FakeProjector final : public Projector {
  public:
   explicit FakeProjector(std::shared_ptr<FakeProjectorState> state) : state_(std::move(state)) {}
   ~FakeProjector() override { state_->lit = false; }
-  void Pulse(std::chrono::microseconds width) override {
+  LitInterval Pulse(std::chrono::microseconds width, const std::function<void()>& lit) override {
     if (width > state_->max_on) throw std::invalid_argument("pulse too long");
     state_->events->push_back("projector pulse");
     state_->lit = true;
     state_->width = width;
     ++state_->pulses;
+    if (lit) lit();
     state_->lit = false;
     if (state_->fail_pulse) throw DeviceError(*state_->fail_pulse, "projector", "pulse", "fails on request");
+    return {state_->now, state_->now + width};
+  }
+  bool TriggerDark() override {
+    if (state_->has_trigger_line) state_->events->push_back("dark trigger");
+    return state_->has_trigger_line;
   }
 
  private:

@@ -26,10 +26,14 @@ struct Bench {
     left->id = "left";
     right->id = "right";
     lamp->events = events;
+    lamp->now = kNow - std::chrono::milliseconds(2);
+    options.max_skew = kMaxSkew;
+    options.pulse_width = kPulse;
   }
   [[nodiscard]] Rig MakeRig() const {
-    return Rig(std::make_unique<FakeCamera>(left), std::make_unique<FakeCamera>(right),
-               std::make_unique<FakeProjector>(lamp), kMaxSkew, kPulse, [] { return kNow; });
+    return Rig(
+        std::make_unique<FakeCamera>(left), std::make_unique<FakeCamera>(right), std::make_unique<FakeProjector>(lamp),
+        options, [] { return kNow; }, [this] { return steady; });
   }
   void AddFrames(std::uint64_t left_id, std::uint64_t right_id, microseconds right_late = microseconds(0)) const {
     left->frames.push_back(MakeFrame(left_id, kNow));
@@ -48,6 +52,8 @@ struct Bench {
     EXPECT_FALSE(lamp->lit);
     EXPECT_THAT(*events, testing::IsSupersetOf({std::string("left disarm"), std::string("right disarm")}));
   }
+  CaptureOptions options;
+  std::chrono::steady_clock::time_point steady{};
   std::shared_ptr<EventLog> events = std::make_shared<EventLog>();
   std::shared_ptr<FakeCameraState> left = std::make_shared<FakeCameraState>();
   std::shared_ptr<FakeCameraState> right = std::make_shared<FakeCameraState>();
@@ -94,8 +100,7 @@ TEST(CapturePair, GivesBothFramesAndTheirSkew) {
 TEST(CapturePair, WithoutAProjectorGivesNoPulse) {
   const Bench bench;
   bench.AddFrames(1, 1);
-  Rig rig(std::make_unique<FakeCamera>(bench.left), std::make_unique<FakeCamera>(bench.right), nullptr, kMaxSkew,
-          kPulse);
+  Rig rig(std::make_unique<FakeCamera>(bench.left), std::make_unique<FakeCamera>(bench.right), nullptr, {});
   (void)rig.CapturePair();
   EXPECT_EQ(bench.lamp->pulses, 0);
 }

@@ -1,0 +1,65 @@
+// From options to devices: the one switch over drivers.
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "drivers/camera_replay.h"
+#include "drivers/rig.h"
+#include "drivers/sim/bench.h"
+#include "drivers/sim/camera_sim.h"
+#include "drivers/sim/projector_sim.h"
+
+namespace granary {
+namespace {
+
+std::unique_ptr<Camera> OpenRealCamera(const CameraOptions& options, const std::string& side) {
+  const auto absent = [&](const std::string& driver) {
+    return std::invalid_argument(side + ".driver: this build has no driver \"" + driver +
+                                 "\" for cameras yet, allowed are \"replay\" and \"sim\"");
+  };
+  switch (options.driver) {
+    case CameraDriver::kAravis:
+      throw absent("aravis");
+    case CameraDriver::kV4l2:
+      throw absent("v4l2");
+    case CameraDriver::kReplay:
+      return std::make_unique<CameraReplay>(options.files);
+    case CameraDriver::kSim:
+      break;
+  }
+  throw std::logic_error("OpenRealCamera: no such driver");
+}
+
+}  // namespace
+
+Rig OpenRig(const RigOptions& options, const RigWorld& world) {
+  const bool left_sim = options.left.driver == CameraDriver::kSim;
+  if (left_sim != (options.right.driver == CameraDriver::kSim)) {
+    throw std::invalid_argument("left.driver, right.driver: \"sim\" is for both cameras or neither");
+  }
+  if (!left_sim && options.projector.driver == ProjectorDriver::kSim) {
+    throw std::invalid_argument("projector.driver: \"sim\" lights simulated cameras only, allowed is \"none\"");
+  }
+  if (options.projector.driver == ProjectorDriver::kGpio) {
+    throw std::invalid_argument(
+        "projector.driver: this build has no driver \"gpio\" yet, allowed are \"sim\" and \"none\"");
+  }
+
+  std::unique_ptr<Camera> left, right;
+  std::unique_ptr<Projector> projector;
+  if (left_sim) {
+    const auto bench = std::make_shared<SimBench>(options.sim, world);
+    left = std::make_unique<CameraSim>(bench, Side::kLeft, options.left);
+    right = std::make_unique<CameraSim>(bench, Side::kRight, options.right);
+    if (options.projector.driver == ProjectorDriver::kSim) {
+      projector = std::make_unique<ProjectorSim>(bench, options.projector);
+    }
+  } else {
+    left = OpenRealCamera(options.left, "left");
+    right = OpenRealCamera(options.right, "right");
+  }
+  return Rig(std::move(left), std::move(right), std::move(projector), CaptureOptionsOf(options));
+}
+
+}  // namespace granary
