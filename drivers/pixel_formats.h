@@ -32,7 +32,8 @@ enum class PixelLayout : std::uint8_t {
 
 /// Bits of a grey value.
 [[nodiscard]] int BitDepthOf(PixelLayout layout);
-/// Bytes of a row without padding; 0 for kJpeg, whose size is its own.
+/// Bytes of a row without padding; 0 for kJpeg, whose size is its own. Every row begins on a byte: a packed picture
+/// whose rows share one (odd widths of a few cameras) is not read.
 [[nodiscard]] std::size_t RowBytesOf(PixelLayout layout, int width);
 
 /// The GenICam names ("Mono8", "Mono12p", …) and the V4L2 four-character names ("GREY", "Y10", "YUYV", "MJPG", …; a
@@ -40,7 +41,9 @@ enum class PixelLayout : std::uint8_t {
 [[nodiscard]] std::optional<PixelLayout> LayoutOfGenicam(std::string_view name);
 [[nodiscard]] std::optional<PixelLayout> LayoutOfV4l2(std::string_view four_characters);
 
-/// A grey picture with pixels of its own: CV_8UC1 for 8 bits, else CV_16UC1 with the value in the low bits.
+/// A grey picture with pixels of its own: CV_8UC1 for 8 bits, else CV_16UC1 with the value in the low bits. Of kYuyv
+/// and kJpeg the luma as it is, limited (16 to 235) or full range: nothing in the picture tells which. Bytes behind the
+/// picture are passed over.
 /// @param row_bytes from one row's start to the next's; 0: rows without padding
 /// @throws std::invalid_argument when `bytes` are too few, a picture is no JPEG or of another size, or a grey value is
 ///   beyond its bits

@@ -14,6 +14,7 @@ allowed='
   libspdlog libfmt libdate-tz libtomlplusplus                    # MIT
   libmodbus libsystemd                               # LGPL-2.1
   libSQLiteCpp libsqlite3                            # MIT, public domain
+  libturbojpeg                                       # IJG and BSD-3
   libpng16 libz libzstd                              # libpng, zlib, BSD
   libasan libubsan libtsan                           # the sanitizer presets
 '
