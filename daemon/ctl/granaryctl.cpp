@@ -15,13 +15,6 @@
 #include "pipeline/large_pages.h"
 
 namespace granary {
-
-void PrintJson(const nlohmann::ordered_json& document) {
-  std::cout << document.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << '\n';
-}
-
-void Say(const std::string& line) { std::cerr << line << '\n'; }
-
 namespace {
 
 int End(int code, const std::string& words, bool json) {
