@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "drivers/camera_replay.h"
+#include "drivers/projector_gpio.h"
 #include "drivers/rig.h"
 #include "drivers/sim/bench.h"
 #include "drivers/sim/camera_sim.h"
@@ -41,9 +42,9 @@ Rig OpenRig(const RigOptions& options, const RigWorld& world) {
   if (!left_sim && options.projector.driver == ProjectorDriver::kSim) {
     throw std::invalid_argument("projector.driver: \"sim\" lights simulated cameras only, allowed is \"none\"");
   }
-  if (options.projector.driver == ProjectorDriver::kGpio) {
+  if (left_sim && options.projector.driver == ProjectorDriver::kGpio) {
     throw std::invalid_argument(
-        "projector.driver: this build has no driver \"gpio\" yet, allowed are \"sim\" and \"none\"");
+        "projector.driver: \"gpio\" does not light simulated cameras, allowed are \"sim\" and \"none\"");
   }
 
   std::unique_ptr<Camera> left, right;
@@ -56,6 +57,9 @@ Rig OpenRig(const RigOptions& options, const RigWorld& world) {
       projector = std::make_unique<ProjectorSim>(bench, options.projector);
     }
   } else {
+    if (options.projector.driver == ProjectorDriver::kGpio) {
+      projector = std::make_unique<ProjectorGpio>(options.projector);
+    }
     left = OpenRealCamera(options.left, "left");
     right = OpenRealCamera(options.right, "right");
   }

@@ -87,9 +87,27 @@ TEST(OpenRig, RefusesDriversThisBuildDoesNotHave) {
   EXPECT_THAT(Refusal(options), testing::HasSubstr("no driver \"aravis\""));
   options.left.driver = options.right.driver = CameraDriver::kV4l2;
   EXPECT_THAT(Refusal(options), testing::HasSubstr("no driver \"v4l2\""));
-  options = {};
+}
+
+TEST(OpenRig, RefusesARealProjectorOverSimulatedCameras) {
+  RigOptions options;
   options.projector.driver = ProjectorDriver::kGpio;
-  EXPECT_THAT(Refusal(options), testing::HasSubstr("no driver \"gpio\""));
+  EXPECT_THAT(Refusal(options), testing::HasSubstr("does not light simulated cameras"));
+}
+
+TEST(OpenRig, NamesTheGpioChipThatIsNotThere) {
+  RigOptions options;
+  options.left.driver = options.right.driver = CameraDriver::kReplay;
+  options.left.files = options.right.files = {"a.png"};
+  options.projector.driver = ProjectorDriver::kGpio;
+  options.projector.chip = "no-such-chip";
+  try {
+    (void)OpenRig(options, {});
+    FAIL() << "opened";
+  } catch (const DeviceError& error) {
+    EXPECT_EQ(error.reason(), Reason::kProjectorFault);
+    EXPECT_THAT(error.what(), testing::HasSubstr("no-such-chip"));
+  }
 }
 
 TEST(OpenRig, RefusesOneSimulatedCamera) {

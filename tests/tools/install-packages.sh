@@ -12,6 +12,7 @@ packages=(
   libspdlog-dev libfmt-dev nlohmann-json3-dev                             # drivers and daemon
   libmodbus-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
   libhowardhinnant-date-dev tzdata libturbojpeg0-dev
+  libgpiod-dev                                                            # the projector's line
   libaravis-dev                                                           # GenICam cameras; brings GLib and libusb
   libtomlplusplus-dev libcli11-dev                                        # config and granaryctl
   libgtest-dev libgmock-dev libbenchmark-dev binutils mbpoll              # tests; mbpoll also reads the demo

@@ -12,7 +12,7 @@ allowed='
   libpcl_common libpcl_kdtree libpcl_search libpcl_filters libpcl_segmentation libpcl_sample_consensus  # BSD
   libtbb libhwy                                      # Apache-2.0
   libspdlog libfmt libdate-tz libtomlplusplus                    # MIT
-  libmodbus libsystemd                               # LGPL-2.1
+  libmodbus libsystemd libgpiod                      # LGPL-2.1
   libaravis-0.8 libglib-2.0 libgobject-2.0 libgio-2.0           # LGPL-2.1
   libSQLiteCpp libsqlite3                            # MIT, public domain
   libturbojpeg                                       # IJG and BSD-3
