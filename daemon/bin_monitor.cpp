@@ -25,6 +25,18 @@ std::string VolumeText(const Measurement& m) {
   return fmt::format("{:.{}f} m³ ±{:.{}f}", *m.volume_m3, digits, *m.volume_u95_m3, digits);
 }
 
+/// True after a cycle that failed at a device, which may work again a moment later.
+bool IsDeviceTrouble(const BinSnapshot& snapshot) {
+  if (!snapshot.last || snapshot.last->valid) return false;
+  const FaultKind kind = InfoOf(snapshot.last->reason).kind;
+  return kind == FaultKind::kCamera || kind == FaultKind::kProjector;
+}
+
+/// Pause before the next trial after so many.
+std::chrono::seconds TrialDelay(int trials) {
+  return std::chrono::seconds{std::min(30, 5 * (1 << std::min(trials, 3)))};
+}
+
 /// Change of volume since `before`, and how fast it went. Without two volumes in this order both are unknown.
 void SetChange(const std::optional<Measurement>& before, const Measurement& now, BinSnapshot& snapshot) {
   snapshot.change_m3.reset();
@@ -95,6 +107,8 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
       s.bin = setup_.bin;
       s.configuration_hash = setup_.configuration_hash;
       s.measuring = false;
+      carried_devices_ = carried->devices;
+      carried_reopened_ = carried->reopened;
     }
     s.good = good;
     s.held = good.has_value();
@@ -103,9 +117,26 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
 }
 
 bool BinMonitor::RunCycle(const std::stop_token& stop) {
+  trials_ = 0;
+  return Run(stop, CycleKind::kScheduled);
+}
+
+bool BinMonitor::TryAgain(const std::stop_token& stop) {
+  if (!IsDeviceTrouble(Snapshot()) || clock_.Steady() < try_at_) return false;
+  ++trials_;
+  return Run(stop, CycleKind::kTrial);
+}
+
+bool BinMonitor::Run(const std::stop_token& stop, CycleKind kind) {
   Update([](BinSnapshot& s) { s.measuring = true; });
-  const bool published = cycle_.value().Run(stop).has_value();
-  if (!published) Update([](BinSnapshot& s) { s.measuring = false; });
+  const bool published = cycle_.value().Run(stop, kind).has_value();
+  try_at_ = clock_.Steady() + TrialDelay(trials_);
+  if (!published) {
+    Update([this](BinSnapshot& s) {
+      s.measuring = false;
+      CountDevices(s);
+    });
+  }
   return published;
 }
 
@@ -114,14 +145,18 @@ std::vector<Shot> BinMonitor::Capture() {
   for (int k = 0; k < setup_.shots; ++k) {
     Shot& shot = shots.emplace_back();
     // One rig after the other: two projectors at once would each disturb the other's speckle.
-    for (auto& slot : slots_) {
-      shot.push_back(slot.Capture());
-      if (slot.options().projector.driver != ProjectorDriver::kNone) {
-        Update([](BinSnapshot& s) { ++s.projector_pulses; });
-      }
-    }
+    for (auto& slot : slots_) shot.push_back(slot.Capture());
   }
   return shots;
+}
+
+void BinMonitor::CountDevices(BinSnapshot& snapshot) const {
+  snapshot.devices = carried_devices_;
+  snapshot.reopened = carried_reopened_;
+  for (const auto& slot : slots_) {
+    snapshot.devices += slot.counters();
+    snapshot.reopened += slot.reopened();
+  }
 }
 
 void BinMonitor::Finish(const Measurement& measurement) {
@@ -132,6 +167,7 @@ void BinMonitor::Finish(const Measurement& measurement) {
   Update([&](BinSnapshot& s) {
     ++s.cycles;
     s.measuring = false;
+    CountDevices(s);
     s.last = record;
     s.held = !record.valid && s.good.has_value();
     if (record.valid) {
@@ -161,7 +197,9 @@ void BinMonitor::Log(const BinSnapshot& snapshot) {
 void BinMonitor::Idle(std::optional<UtcTime> next_at) {
   progress_.Promise(clock_.Steady(), DeadlineOf(CycleState::kIdle, setup_.cycle, 1));
   for (auto& slot : slots_) {
-    if (slot.ReopenIfDue()) spdlog::info("{}: rig {} is open again", NameOf(setup_.bin), slot.options().name);
+    if (!slot.ReopenIfDue()) continue;
+    spdlog::info("{}: rig {} is open again", NameOf(setup_.bin), slot.options().name);
+    try_at_ = {};
   }
   if (Snapshot().next_at != next_at) Update([&](BinSnapshot& s) { s.next_at = next_at; });
 }

@@ -52,6 +52,10 @@ class BinMonitor {
   void Restore(const std::optional<BinSnapshot>& carried = std::nullopt);
   /// One cycle. @return false when `stop` ended it
   bool RunCycle(const std::stop_token& stop);
+  /// Between cycles: after one that failed at a camera or projector, tries from time to time (first after 5 s, at last
+  /// every 30 s, and at once when a rig could be opened again) whether a measurement succeeds, and publishes it then.
+  /// @return true when one was published
+  bool TryAgain(const std::stop_token& stop);
   /// What there is to do between cycles, every second or so: reopens rigs, keeps the promise of progress.
   void Idle(std::optional<UtcTime> next_at);
   /// Lets go of the devices; the end of the worker, and no hang.
@@ -66,7 +70,9 @@ class BinMonitor {
   [[nodiscard]] const BinSetup& setup() const { return setup_; }
 
  private:
+  [[nodiscard]] bool Run(const std::stop_token& stop, CycleKind kind);
   [[nodiscard]] std::vector<Shot> Capture();
+  void CountDevices(BinSnapshot& snapshot) const;
   void Finish(const Measurement& measurement);
   void Log(const BinSnapshot& snapshot);
   /// Changes the snapshot and publishes it as one step, so that publishers see the changes in order.
@@ -79,6 +85,10 @@ class BinMonitor {
   std::deque<RigSlot> slots_;  // never moved: they hold mutexes
   std::optional<Cycle> cycle_;
   Progress progress_;
+  RigCounters carried_devices_;  // of the monitor before this one
+  std::uint64_t carried_reopened_ = 0;
+  int trials_ = 0;  // since the last scheduled cycle
+  std::chrono::steady_clock::time_point try_at_{};
   FaultLog fault_log_;
   mutable std::mutex mutex_;  // guards snapshot_, and the order of Publish (which returns at once)
   BinSnapshot snapshot_;

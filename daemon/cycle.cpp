@@ -44,15 +44,16 @@ Cycle::Cycle(CycleOptions options, CycleSteps steps, Clock& clock, std::optional
       clock_(clock),
       gate_(options_.max_rate_m3_h, std::move(good)) {}
 
-std::optional<Measurement> Cycle::Run(const std::stop_token& stop) {
-  Begin();
+std::optional<Measurement> Cycle::Run(const std::stop_token& stop, CycleKind kind) {
+  Begin(kind);
   while (state_ != CycleState::kIdle) Step(stop);
   if (!published_) return std::nullopt;
   return outcome_;
 }
 
-void Cycle::Begin() {
+void Cycle::Begin(CycleKind kind) {
   if (state_ != CycleState::kIdle) throw std::logic_error("a cycle was begun before the last one ended");
+  kind_ = kind;
   attempt_ = 0;
   published_ = false;
   Enter(CycleState::kCapturing);
@@ -128,7 +129,7 @@ void Cycle::Judge(const std::stop_token& stop) {
   }
   if (outcome_.valid) return Enter(CycleState::kPublishing);
   // A capture that a stop interrupted says nothing about the devices.
-  if (stop.stop_requested()) return Enter(CycleState::kIdle);
+  if (stop.stop_requested() || kind_ == CycleKind::kTrial) return Enter(CycleState::kIdle);
   const bool again = attempt_ < options_.attempts && IsWorthRetrying(outcome_.reason);
   Enter(again ? CycleState::kRetrying : CycleState::kPublishing);
 }

@@ -22,6 +22,10 @@ namespace granary {
 /// a good figure that is already there.
 enum class CycleState : std::uint8_t { kIdle, kCapturing, kMeasuring, kGating, kRetrying, kPublishing };
 
+/// A trial is one attempt between two scheduled cycles, to see whether a device that failed is back: it is published
+/// when it succeeds and leaves no trace when it does not.
+enum class CycleKind : std::uint8_t { kScheduled, kTrial };
+
 /// For status lines, e.g. "measuring".
 [[nodiscard]] std::string_view NameOf(CycleState state);
 
@@ -47,10 +51,10 @@ class Cycle {
   /// @param good last good measurement, that changes are judged against
   Cycle(CycleOptions options, CycleSteps steps, Clock& clock, std::optional<Measurement> good);
 
-  /// One whole cycle. @return its measurement as published; empty when `stop` ended it before
-  std::optional<Measurement> Run(const std::stop_token& stop);
+  /// One whole cycle. @return its measurement as published; empty when `stop` ended it before, or a trial failed
+  std::optional<Measurement> Run(const std::stop_token& stop, CycleKind kind = CycleKind::kScheduled);
   /// Leaves kIdle. @throws std::logic_error in any other state
-  void Begin();
+  void Begin(CycleKind kind = CycleKind::kScheduled);
   /// Does the work of the current state and enters the next one; nothing in kIdle.
   void Step(const std::stop_token& stop);
 
@@ -70,6 +74,7 @@ class Cycle {
   Clock& clock_;
   ChangeGate gate_;
   CycleState state_ = CycleState::kIdle;
+  CycleKind kind_ = CycleKind::kScheduled;
   int attempt_ = 0;
   std::vector<Shot> shots_;
   double capture_ms_ = 0;

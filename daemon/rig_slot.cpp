@@ -9,7 +9,7 @@ namespace granary {
 
 std::chrono::seconds ReopenDelay(int failures) {
   if (failures <= 0) return std::chrono::seconds{0};
-  return std::chrono::seconds{failures > 6 ? 60 : std::min(60, 1 << (failures - 1))};
+  return std::chrono::seconds{failures > 5 ? 30 : std::min(30, 1 << (failures - 1))};
 }
 
 RigSlot::RigSlot(RigPlan plan, RigOpener open, Clock& clock)
@@ -47,6 +47,7 @@ void RigSlot::Open() {
     Rig rig = open_(plan_.options, plan_.world);
     const std::scoped_lock lock(mutex_);
     rig_.emplace(std::move(rig));
+    if (failures_ > 0) ++reopened_;
   } catch (const DeviceError& error) {
     Fail(error.reason(), error.what());
     throw;
@@ -70,6 +71,13 @@ void RigSlot::Close() noexcept {
     const std::scoped_lock lock(mutex_);
     closing.swap(rig_);
   }
+  if (closing) closed_counters_ += closing->counters();
+}
+
+RigCounters RigSlot::counters() const {
+  RigCounters counters = closed_counters_;
+  if (rig_) counters += rig_->counters();
+  return counters;
 }
 
 void RigSlot::Interrupt() noexcept {

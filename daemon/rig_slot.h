@@ -22,7 +22,8 @@ struct RigPlan {
 
 using RigOpener = std::function<Rig(const RigOptions&, const RigWorld&)>;
 
-/// Pause before the attempt after `failures` failures in a row: 1 s, 2 s, 4 s … 60 s; none before the first.
+/// Pause before the attempt after `failures` failures in a row: 1 s, 2 s, 4 s … 30 s; none before the first. So a
+/// device is used again within a minute of being back.
 [[nodiscard]] std::chrono::seconds ReopenDelay(int failures);
 
 /// Used by the worker's thread, but for Interrupt.
@@ -41,6 +42,11 @@ class RigSlot {
   /// Ends a Capture that blocks in the worker's thread. Any thread.
   void Interrupt() noexcept;
 
+  /// Of all the rigs that stood in this place, together.
+  [[nodiscard]] RigCounters counters() const;
+  /// How often a rig was opened after trouble.
+  [[nodiscard]] std::uint64_t reopened() const { return reopened_; }
+
   [[nodiscard]] const RigOptions& options() const { return plan_.options; }
   /// The trouble that closed the rig; empty while all is well.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
@@ -54,6 +60,8 @@ class RigSlot {
   Clock& clock_;
   std::mutex mutex_;  // guards the rig's existence: written by the worker, read by Interrupt
   std::optional<Rig> rig_;
+  RigCounters closed_counters_;
+  std::uint64_t reopened_ = 0;
   int failures_ = 0;  // in a row, ended by a pair captured
   std::chrono::steady_clock::time_point not_before_{};
   Reason reason_ = Reason::kOk;

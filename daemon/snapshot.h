@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "drivers/rig.h"
 #include "pipeline/types/bin.h"
 #include "pipeline/types/measurement.h"
 
@@ -13,19 +14,21 @@ namespace granary {
 /// `good` is the figure that is published; `held` says that it is not from the last cycle.
 struct BinSnapshot {
   Bin bin;
-  std::optional<Measurement> good;   ///< newest valid measurement, restored after a restart
-  std::optional<Measurement> last;   ///< newest cycle since start, valid or not
-  bool held = false;                 ///< the last cycle failed, or `good` was restored and nothing was measured since
+  std::optional<Measurement> good;  ///< newest valid measurement, restored after a restart
+  std::optional<Measurement> last;  ///< newest cycle since start, valid or not
+  bool held = false;                ///< the last cycle failed, or `good` was restored and nothing was measured since
   bool measuring = false;
-  bool stale = false;                ///< `good` is older than stale_after
+  bool stale = false;  ///< `good` is older than stale_after
   bool maintenance = false;
   bool abnormal_latched = false;
-  std::optional<double> rate_m3_h;   ///< change of volume between the last two valid measurements
-  std::optional<double> change_m3;   ///< the same change as a volume; tells filling and emptying from noise
-  Reason last_failure = Reason::kOk; ///< of the newest failed cycle
-  std::uint64_t cycles = 0, failures = 0, projector_pulses = 0;
-  std::uint16_t heartbeat = 0;       ///< +1 each second while the worker makes progress
-  std::optional<UtcTime> next_at;    ///< next scheduled measurement
+  std::optional<double> rate_m3_h;    ///< change of volume between the last two valid measurements
+  std::optional<double> change_m3;    ///< the same change as a volume; tells filling and emptying from noise
+  Reason last_failure = Reason::kOk;  ///< of the newest failed cycle
+  std::uint64_t cycles = 0, failures = 0;
+  RigCounters devices;                   ///< of all the bin's rigs since the start
+  std::uint64_t reopened = 0;            ///< rigs opened again after trouble
+  std::uint16_t heartbeat = 0;           ///< +1 each second while the worker makes progress
+  std::optional<UtcTime> next_at;        ///< next scheduled measurement
   std::uint32_t configuration_hash = 0;  ///< configuration + calibration + reference
 };
 

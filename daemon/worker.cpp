@@ -65,6 +65,10 @@ void Worker::Run(const std::stop_token& stop, std::uint64_t max_cycles) {
     next_at = due.next_at;
     if (!due.run || done_) {
       monitor_.Idle(done_ ? std::nullopt : std::optional(next_at));
+      if (!done_ && monitor_.TryAgain(stop)) {
+        on_cycle_();
+        continue;
+      }
       // Rounded up: waking a little too early would mean a second, empty turn.
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(next_at - now);
       if (!clock_.Wait(stop, done_ ? kLookUp : std::clamp(left, std::chrono::milliseconds{1}, kLookUp))) return;

@@ -38,6 +38,7 @@ Frame MergeBrackets(const std::vector<Frame>& longest_first) {
   merged.bit_depth = std::min(16, longest.bit_depth + extra_bits);
   const double scale =
       std::exp2(merged.bit_depth - longest.bit_depth - extra_bits);  // below 1 where 16 bits are too few
+  merged.image = cv::Mat();  // not into the pixels of the longest
   longest.image.convertTo(merged.image, CV_16U, scale);
   double ratio = 1;
   for (std::size_t i = 1; i < longest_first.size(); ++i) {

@@ -71,6 +71,14 @@ CaptureOptions CaptureOptionsOf(const RigOptions& options) {
   return capture;
 }
 
+RigCounters& RigCounters::operator+=(const RigCounters& other) {
+  pulses += other.pulses;
+  pairs += other.pairs;
+  for (std::size_t side = 0; side < 2; ++side) missed_frames.at(side) += other.missed_frames.at(side);
+  mismatched += other.mismatched;
+  return *this;
+}
+
 Rig::Rig(std::unique_ptr<Camera> left, std::unique_ptr<Camera> right, std::unique_ptr<Projector> projector,
          const CaptureOptions& options, UtcClock now, SteadyClock steady)
     : cameras_{std::move(left), std::move(right)},
@@ -81,14 +89,15 @@ Rig::Rig(std::unique_ptr<Camera> left, std::unique_ptr<Camera> right, std::uniqu
 
 FramePair Rig::CapturePair() {
   WarmUp();
-  FramePair pair = TakeBrackets(Light::kLit);
+  auto [pair, taken, needed] = TakeBrackets(Light::kLit, brackets_, options_.exposure_brackets);
+  brackets_ = needed;
   if (options_.ambient) {
-    FramePair dark = TakeBrackets(Light::kDark);
+    FramePair dark = TakeBrackets(Light::kDark, taken, taken).pair;  // merged as the lit one was
     pair.ambient_left = std::move(dark.left);
     pair.ambient_right = std::move(dark.right);
   }
   ++counters_.pairs;
-  return pair;
+  return std::move(pair);
 }
 
 void Rig::WarmUp() {
@@ -103,27 +112,24 @@ void Rig::WarmUp() {
   }
 }
 
-FramePair Rig::TakeBrackets(Light light) {
+Rig::Bracketed Rig::TakeBrackets(Light light, int least, int most) {
   std::vector<Frame> lefts, rights;
-  FramePair pair;
+  Bracketed result;
   double divisor = 1;
-  int needed = 0;  // shorter exposures, as the pictures show
   for (int taken = 0;; ++taken, divisor *= kBracketRatio) {
     if (options_.exposure_brackets > 0) SetExposures(divisor);
     FramePair next = TakePair(light);
-    if (taken == 0) pair = next;
+    if (taken == 0) result.pair = next;
     const double saturated = std::max(SaturatedShare(next.left), SaturatedShare(next.right));
-    if (saturated > (taken < brackets_ ? kUnsaturatedShare : kSaturatedShare)) needed = taken + 1;
+    if (saturated > (taken < least ? kUnsaturatedShare : kSaturatedShare)) result.needed = std::min(taken + 1, most);
     lefts.push_back(std::move(next.left));
     rights.push_back(std::move(next.right));
-    // The dark pair is merged as the lit one was.
-    const int wanted = light == Light::kDark ? brackets_ : std::max(brackets_, needed);
-    if (taken >= std::min(wanted, options_.exposure_brackets)) break;
+    if (taken >= std::max(least, result.needed)) break;
   }
-  if (light == Light::kLit) brackets_ = std::max(static_cast<int>(lefts.size()) - 1, 0);
-  pair.left = MergeBrackets(lefts);
-  pair.right = MergeBrackets(rights);
-  return pair;
+  result.taken = static_cast<int>(lefts.size()) - 1;
+  result.pair.left = MergeBrackets(lefts);
+  result.pair.right = MergeBrackets(rights);
+  return result;
 }
 
 FramePair Rig::TakePair(Light light) {
@@ -230,25 +236,31 @@ void Rig::CheckPulse(std::size_t side, const Frame& frame, const LitInterval& li
                         ", so it was not this pulse that triggered it");
 }
 
-/// A counter that did not go up does not count, or began anew.
+/// Of a triggered camera every frame after the one before counts one trigger. A frame of the number 0 does not count,
+/// and a number that went down began anew.
 void Rig::CheckCounters(const PairMarks& before) {
-  const auto& ids = before_->ids;
-  if (ids[0] <= before.ids[0] || ids[1] <= before.ids[1]) return;
-  const auto left_by = ids[0] - before.ids[0], right_by = ids[1] - before.ids[1];
-  const auto counts = [&](std::size_t side) { return options_.trigger.at(side) != TriggerMode::kFree; };
-  const bool both_count = counts(0) && counts(1);
-  if (both_count && left_by != right_by) {
+  std::array<std::optional<std::int64_t>, 2> advances;
+  for (std::size_t side = 0; side < 2; ++side) {
+    const std::uint64_t id = before_->ids.at(side), then = before.ids.at(side);
+    const bool counts = options_.trigger.at(side) != TriggerMode::kFree && id != 0 && then != 0;
+    if (counts) advances.at(side) = static_cast<std::int64_t>(id - then);
+  }
+  const auto refuse = [this](Reason reason, const std::string& who, const std::string& words) {
     ++counters_.mismatched;
-    throw DeviceError(Reason::kFrameMissing, PairName(), "match",
-                      "frames of different triggers: since the last pair the left camera counted " +
-                          std::to_string(left_by) + ", the right one " + std::to_string(right_by));
+    throw DeviceError(reason, who, "match", words);
+  };
+  const auto& [left, right] = advances;
+  if (left && right && *left != *right && (*left >= 0 || *right >= 0)) {
+    refuse(Reason::kFrameMissing, PairName(),
+           "frames of different triggers: since the last pair the left camera counted " + std::to_string(*left) +
+               ", the right one " + std::to_string(*right));
   }
   for (std::size_t side = 0; side < 2; ++side) {
-    const auto by = side == 0 ? left_by : right_by;
-    if (!counts(side) || by == 1) continue;
-    ++counters_.mismatched;
-    throw DeviceError(Reason::kStrayTrigger, cameras_.at(side)->Id(), "match",
-                      "the camera counted " + std::to_string(by) + " triggers, one was given");
+    if (!advances.at(side) || *advances.at(side) == 1 || *advances.at(side) < 0) continue;
+    const std::string who = cameras_.at(side)->Id();
+    if (*advances.at(side) == 0) refuse(Reason::kFrameMissing, who, "the frame of the last pair came once more");
+    refuse(Reason::kStrayTrigger, who,
+           "the camera counted " + std::to_string(*advances.at(side)) + " triggers, one was given");
   }
 }
 

@@ -47,6 +47,8 @@ struct RigCounters {
   std::uint64_t pairs = 0;                       ///< whole pairs handed out
   std::array<std::uint64_t, 2> missed_frames{};  ///< triggers after which the left, the right camera gave no frame
   std::uint64_t mismatched = 0;                  ///< pairs refused since their frames did not belong together
+
+  RigCounters& operator+=(const RigCounters& other);
 };
 
 /// Owned and used by one thread, but for Interrupt.
@@ -89,9 +91,15 @@ class Rig {
     std::chrono::steady_clock::time_point taken;
   };
   enum class Light { kLit, kDark };
+  /// A pair merged of several exposures.
+  struct Bracketed {
+    FramePair pair;
+    int taken = 0;   ///< shorter exposures in it
+    int needed = 0;  ///< so many would have been enough
+  };
 
   void WarmUp();
-  [[nodiscard]] FramePair TakeBrackets(Light light);
+  [[nodiscard]] Bracketed TakeBrackets(Light light, int least, int most);
   [[nodiscard]] FramePair TakePair(Light light);
   [[nodiscard]] std::optional<LitInterval> FireTrigger(Light light);
   [[nodiscard]] Frame GrabFrame(std::size_t side, const std::optional<LitInterval>& lit);

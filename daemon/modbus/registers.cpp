@@ -37,6 +37,16 @@ RegisterValue Counted(const RegisterSource& source) {
   return static_cast<std::uint32_t>(source.snapshot.*Counter);
 }
 
+template <std::uint64_t RigCounters::*Counter>
+RegisterValue OfDevices(const RegisterSource& source) {
+  return static_cast<std::uint32_t>(source.snapshot.devices.*Counter);
+}
+
+template <std::size_t Side>
+RegisterValue MissedFrames(const RegisterSource& source) {
+  return static_cast<std::uint32_t>(source.snapshot.devices.missed_frames.at(Side));
+}
+
 template <std::uint32_t ModbusCounters::*Counter>
 RegisterValue Served(const RegisterSource& source) {
   return source.counters.*Counter;
@@ -135,7 +145,7 @@ constexpr RegisterRow kTable[] = {
 
     {200, kU32, 2, "cycles", "", "Cycles since the start", Counted<&BinSnapshot::cycles>},
     {202, kU32, 2, "failures", "", "Failed cycles since the start", Counted<&BinSnapshot::failures>},
-    {204, kU32, 2, "projector_pulses", "", "Projector pulses since the start", Counted<&BinSnapshot::projector_pulses>},
+    {204, kU32, 2, "projector_pulses", "", "Projector pulses since the start", OfDevices<&RigCounters::pulses>},
     {206, kF32, 2, "skew", "µs", "Exposure start, left against right", Good<&M::skew_us>},
     {208, kF32, 2, "time_capture", "ms", "Capture, wall clock, of the published measurement",
      StageTime<&StageTimings_ms::capture>},
@@ -147,6 +157,13 @@ constexpr RegisterRow kTable[] = {
     {220, kF32, 2, "time_volume", "ms", "Integration, wall clock", StageTime<&StageTimings_ms::volume>},
     {222, kF32, 2, "time_total", "ms", "The whole cycle, wall clock", StageTime<&StageTimings_ms::total>},
     {224, kF32, 2, "pulse", "µs", "How long the projector was lit, measured", Good<&M::pulse_us>},
+    {226, kU32, 2, "missed_left", "", "Triggers after which a left camera gave no frame, since the start",
+     MissedFrames<0>},
+    {228, kU32, 2, "missed_right", "", "Triggers after which a right camera gave no frame, since the start",
+     MissedFrames<1>},
+    {230, kU32, 2, "mismatched", "", "Pairs refused, as their frames did not belong together, since the start",
+     OfDevices<&RigCounters::mismatched>},
+    {232, kU32, 2, "reopened", "", "Rigs opened again after trouble, since the start", Counted<&BinSnapshot::reopened>},
     {240, kU32, 2, "clients", "", "Modbus clients connected now", Served<&ModbusCounters::clients>},
     {242, kU32, 2, "requests", "", "Modbus requests answered", Served<&ModbusCounters::requests>},
     {244, kU32, 2, "malformed", "", "Connections closed for what they sent", Served<&ModbusCounters::malformed>},

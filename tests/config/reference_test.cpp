@@ -39,7 +39,8 @@ std::set<std::string> ShownKeys(const std::string& text) {
     } else if (std::regex_match(line, match, pair)) {
       const std::string key = table + "." + match[1].str(), value = match[2];
       keys.insert(key);
-      if (value.empty() || value[0] != '{') continue;
+      // The names inside features are the cameras' own.
+      if (value.empty() || value[0] != '{' || match[1] == "features") continue;
       const std::string braces = value.substr(0, value.find('}'));
       for (std::sregex_iterator it(braces.begin(), braces.end(), inner), end; it != end; ++it) {
         keys.insert(key + "." + (*it)[1].str());

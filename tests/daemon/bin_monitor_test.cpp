@@ -58,7 +58,7 @@ TEST(BinMonitor, PublishesAMeasurement) {
   EXPECT_EQ(last.good->bin, 3);
   EXPECT_EQ(last.good->sequence, 1U);
   EXPECT_FALSE(last.held);
-  EXPECT_EQ(last.projector_pulses, 1U);
+  EXPECT_EQ(last.devices.pulses, 1U);
   EXPECT_EQ(last.configuration_hash, 0xC0FFEEU);
 }
 
@@ -107,6 +107,71 @@ TEST(BinMonitor, RecoversInTheNextCycle) {
   EXPECT_TRUE(depot.Last().good);
   EXPECT_FALSE(depot.Last().held);
   EXPECT_EQ(depot.Last().last_failure, Reason::kFrameMissing);
+}
+
+TEST(TryAgain, MeasuresSoonAfterADeviceIsBack) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  depot.bench->failing_grabs = 2;
+  monitor->RunCycle(depot.stop.get_token());
+  ASSERT_FALSE(depot.Last().last->valid);
+  EXPECT_FALSE(monitor->TryAgain(depot.stop.get_token()));  // not at once
+  depot.clock.Advance(5s);
+  monitor->Idle(std::nullopt);
+  EXPECT_TRUE(monitor->TryAgain(depot.stop.get_token()));
+  EXPECT_TRUE(depot.Last().last->valid);
+  EXPECT_FALSE(depot.Last().held);
+  EXPECT_FALSE(monitor->TryAgain(depot.stop.get_token()));  // the schedule again
+}
+
+TEST(TryAgain, AsksAtLeastEveryHalfMinuteAndLeavesNoTraceUntilThen) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  depot.bench->failing_grabs = 1'000'000;
+  monitor->RunCycle(depot.stop.get_token());
+  const std::uint64_t sequence = depot.Last().last->sequence;
+  for (int minute = 0; minute < 60; ++minute) {
+    for (int second = 0; second < 60; ++second) {
+      depot.clock.Advance(1s);
+      monitor->Idle(std::nullopt);
+      EXPECT_FALSE(monitor->TryAgain(depot.stop.get_token()));
+    }
+  }
+  EXPECT_EQ(depot.Last().cycles, 1U);
+  EXPECT_EQ(depot.Last().failures, 1U);
+  EXPECT_EQ(depot.Last().last->sequence, sequence);
+  EXPECT_FALSE(depot.Last().measuring);
+  EXPECT_GE(depot.Last().devices.pulses, 2U + 60 * 2);
+  depot.bench->failing_grabs = 0;
+  bool measured = false;
+  int seconds = 0;
+  for (; !measured && seconds < 120; ++seconds) {
+    depot.clock.Advance(1s);
+    monitor->Idle(std::nullopt);
+    measured = monitor->TryAgain(depot.stop.get_token());
+  }
+  EXPECT_TRUE(measured);
+  EXPECT_LE(seconds, 60);
+}
+
+TEST(TryAgain, LeavesPoorPicturesToTheSchedule) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  depot.verdicts = {Verdict(Reason::kCoverageLow), Verdict(Reason::kCoverageLow)};
+  monitor->RunCycle(depot.stop.get_token());
+  depot.clock.Advance(10min);
+  EXPECT_FALSE(monitor->TryAgain(depot.stop.get_token()));
+}
+
+TEST(BinMonitor, CountsWhatDevicesDidAcrossReopenings) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  depot.bench->failing_grabs = 1;
+  monitor->RunCycle(depot.stop.get_token());
+  EXPECT_EQ(depot.Last().devices.pulses, 2U);
+  EXPECT_EQ(depot.Last().devices.pairs, 1U);
+  EXPECT_EQ(depot.Last().devices.missed_frames[0], 1U);
+  EXPECT_EQ(depot.Last().reopened, 1U);
 }
 
 TEST(BinMonitor, RestoresTheLastGoodFigureAsHeld) {

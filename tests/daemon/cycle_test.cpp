@@ -183,6 +183,20 @@ TEST(Cycle, StillPublishesAFigureThatIsThereWhenStopped) {
   EXPECT_EQ(bench.published.size(), 1U);
 }
 
+TEST(Trial, PublishesAMeasurement) {
+  Bench bench;
+  EXPECT_TRUE(bench.Make().Run(bench.stop.get_token(), CycleKind::kTrial));
+  EXPECT_EQ(bench.published.size(), 1U);
+}
+
+TEST(Trial, LeavesNoTraceWhenItFails) {
+  Bench bench;
+  bench.captures = {Reason::kFrameMissing};
+  EXPECT_FALSE(bench.Make().Run(bench.stop.get_token(), CycleKind::kTrial));
+  EXPECT_TRUE(bench.published.empty());
+  EXPECT_EQ(bench.states, (std::vector{S::kCapturing, S::kGating, S::kIdle}));  // one attempt
+}
+
 TEST(Cycle, RejectsAnImplausibleChange) {
   Bench bench;
   bench.options.max_rate_m3_h = 0.001;

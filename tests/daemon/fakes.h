@@ -66,7 +66,9 @@ class FakeClock : public Clock {
 
 /// What the fake devices of one rig do and have seen. Any thread.
 struct FakeBench {
-  int failing_opens = 0, failing_grabs = 0;  ///< so many of the next ones throw
+  int failing_opens = 0, failing_grabs = 0;  ///< so many of the next ones (of both cameras together) throw
+  int armed = 0;
+  bool failing = false;  ///< the grabs of the pair that is armed
   Reason reason = Reason::kFrameMissing;
   bool block_grab = false;  ///< until interrupted
   int opens = 0, closes = 0, pulses = 0;
@@ -80,7 +82,11 @@ class FakeCamera : public Camera {
   explicit FakeCamera(std::shared_ptr<FakeBench> bench) : bench_(std::move(bench)) {}
   ~FakeCamera() override { ++bench_->closes; }
   [[nodiscard]] std::string Id() const override { return "fake"; }
-  void Arm() override {}
+  void Arm() override {
+    if (bench_->armed++ > 0) return;
+    bench_->failing = bench_->failing_grabs > 0;
+    if (bench_->failing) --bench_->failing_grabs;
+  }
   [[nodiscard]] Frame Grab(std::chrono::milliseconds) override {
     std::unique_lock lock(bench_->mutex);
     if (bench_->block_grab) {
@@ -89,15 +95,12 @@ class FakeCamera : public Camera {
       bench_->changed.wait(lock, [&] { return bench_->interrupted; });
       throw DeviceError(Reason::kFrameMissing, "fake", "grab", "interrupted");
     }
-    if (bench_->failing_grabs > 0) {
-      --bench_->failing_grabs;
-      throw DeviceError(bench_->reason, "fake", "grab", "no trigger came");
-    }
+    if (bench_->failing) throw DeviceError(bench_->reason, "fake", "grab", "no trigger came");
     Frame frame;
     frame.image = cv::Mat::zeros(2, 2, CV_8UC1);
     return frame;
   }
-  void Disarm() noexcept override {}
+  void Disarm() noexcept override { bench_->armed = 0; }
   void Interrupt() noexcept override {
     const std::scoped_lock lock(bench_->mutex);
     bench_->interrupted = true;

@@ -25,10 +25,10 @@ struct Place {
   }
 };
 
-TEST(ReopenDelay, GrowsFromOneSecondToAMinute) {
+TEST(ReopenDelay, GrowsFromOneSecondToHalfAMinute) {
   std::vector<long> seconds;
   for (const int failures : {0, 1, 2, 3, 6, 7, 8, 1000}) seconds.push_back(ReopenDelay(failures).count());
-  EXPECT_EQ(seconds, (std::vector<long>{0, 1, 2, 4, 32, 60, 60, 60}));
+  EXPECT_EQ(seconds, (std::vector<long>{0, 1, 2, 4, 30, 30, 30, 30}));
 }
 
 TEST(RigSlot, OpensOnceForManyCaptures) {

@@ -27,6 +27,9 @@ struct FakeCameraState {
   std::shared_ptr<EventLog> events;
   std::deque<Frame> frames;  ///< given in turn; none left: the frame is missing
   std::optional<Reason> fail_arm, fail_grab;
+  std::optional<double> grey_per_us;  ///< exposure can be set, and frames without end are as bright as it
+  double exposure_us = 0;
+  bool note_triggers = false;
   bool block_grab = false;      ///< Grab waits for Interrupt
   std::promise<void> grabbing;  ///< set when a Grab that blocks has begun
   bool armed = false;
@@ -44,6 +47,13 @@ class FakeCamera final : public Camera {
     if (state_->fail_arm) throw DeviceError(*state_->fail_arm, Id(), "arm", "fails on request");
     state_->armed = true;
   }
+  bool SetExposure(double exposure_us) override {
+    state_->exposure_us = exposure_us;
+    return state_->grey_per_us.has_value();
+  }
+  void Trigger() override {
+    if (state_->note_triggers) Note("trigger");
+  }
   [[nodiscard]] Frame Grab(std::chrono::milliseconds) override {
     Note("grab");
     if (state_->block_grab) {
@@ -53,6 +63,11 @@ class FakeCamera final : public Camera {
       throw DeviceError(Reason::kFrameMissing, Id(), "grab", "interrupted");
     }
     if (state_->fail_grab) throw DeviceError(*state_->fail_grab, Id(), "grab", "fails on request");
+    if (state_->grey_per_us) {
+      Frame frame;
+      frame.image = cv::Mat(4, 6, CV_8UC1, cv::Scalar(*state_->grey_per_us * state_->exposure_us));
+      return frame;
+    }
     if (state_->frames.empty()) throw DeviceError(Reason::kFrameMissing, Id(), "grab", "no frame in time");
     Frame frame = state_->frames.front();
     state_->frames.pop_front();
