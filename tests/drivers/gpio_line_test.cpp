@@ -162,7 +162,7 @@ std::ptrdiff_t EntriesOf(const std::string& folder) {
   return std::distance(begin(entries), end(entries));
 }
 
-double Resident_mib() {
+[[maybe_unused]] double Resident_mib() {
   double size = 0, resident = 0;
   std::ifstream("/proc/self/statm") >> size >> resident;
   return resident * 4096 / 1048576;
@@ -185,15 +185,17 @@ TEST_F(OpenOutputLineTest, TenThousandOpenPulseCloseLeaveNothingBehind) {
   };
   cycles(100);
   const auto files = EntriesOf("/proc/self/fd"), threads = EntriesOf("/proc/self/task");
-  const double resident_mib = Resident_mib();
+  [[maybe_unused]] const double resident_mib = Resident_mib();
   cycles(10'000);
   EXPECT_EQ(EntriesOf("/proc/self/fd"), files);
   // A thread that has been joined may still be on its way out of the kernel's table.
   for (int i = 0; i < 1000 && EntriesOf("/proc/self/task") > threads; ++i) std::this_thread::yield();
   EXPECT_LE(EntriesOf("/proc/self/task"), threads);
   EXPECT_EQ(Kernel().open_handles, 0);
+#ifndef __SANITIZE_ADDRESS__  // which holds on to what was freed
   // The account of the lit time keeps the pulses of ten seconds, 16 bytes each.
   EXPECT_LT(Resident_mib() - resident_mib, 2);
+#endif
 }
 
 }  // namespace
