@@ -27,7 +27,7 @@ function cpp() { return FILENAME ~ /\.cpp$/ }
 # One device library, one file: what knows the hardware stays in one place.
 function device_headers() {
   if (target == "arv.h" && FILENAME !~ /^drivers\/(camera_aravis[a-z0-9_]*|sim\/gige)\.cpp$/) return "only drivers/camera_aravis*.cpp and drivers/sim/gige.cpp"
-  if (target == "linux/videodev2.h" && FILENAME != "drivers/camera_v4l2.cpp") return "only drivers/camera_v4l2.cpp"
+  if (target == "linux/videodev2.h" && FILENAME !~ /^drivers\/v4l2_[a-z]+\.cpp$/) return "only drivers/v4l2_*.cpp"
   if (target == "gpiod.h" && FILENAME !~ /^drivers\/projector_gpio[a-z0-9_]*\.cpp$/) return "only drivers/projector_gpio*.cpp"
   return ""
 }
