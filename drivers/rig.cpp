@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <spdlog/spdlog.h>
+#include <opencv2/core.hpp>
 
 #include "drivers/errors.h"
 #include "drivers/exposure.h"
@@ -31,6 +32,10 @@ constexpr std::chrono::seconds kClocksAgreeFor{2};
 // needed any more. The speckle's brightest dots may stay clipped.
 constexpr double kSaturatedShare = 1e-3;
 constexpr double kUnsaturatedShare = 2e-4;
+
+// Room light flickers by some percent from one picture to the next; a projector that adds no more than a tenth to it is
+// none to measure by.
+constexpr double kLeastLight = 1.1;
 
 class DisarmOnExit {
  public:
@@ -95,9 +100,21 @@ FramePair Rig::CapturePair() {
     FramePair dark = TakeBrackets(Light::kDark, taken, taken).pair;  // merged as the lit one was
     pair.ambient_left = std::move(dark.left);
     pair.ambient_right = std::move(dark.right);
+    if (projector_) ConfirmLight(pair);
   }
   ++counters_.pairs;
   return std::move(pair);
+}
+
+void Rig::ConfirmLight(const FramePair& pair) {
+  const auto grey = [](const Frame& frame) { return cv::mean(frame.image)[0]; };
+  const double left = grey(pair.left), right = grey(pair.right);
+  const double dark_left = grey(*pair.ambient_left), dark_right = grey(*pair.ambient_right);
+  if (left > kLeastLight * dark_left || right > kLeastLight * dark_right) return;
+  throw DeviceError(Reason::kProjectorDark, "projector", "light",
+                    "the pictures are no brighter than with the projector off: mean grey left " + std::to_string(left) +
+                        " against " + std::to_string(dark_left) + ", right " + std::to_string(right) + " against " +
+                        std::to_string(dark_right));
 }
 
 void Rig::WarmUp() {

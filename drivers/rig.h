@@ -74,8 +74,10 @@ class Rig {
   ///
   /// After idling, and when just opened, the first pairs are thrown away: cameras lose their first frames. While a
   /// picture saturates, shorter exposures are added and merged into one picture of more bits; how many it took is
-  /// remembered. With `ambient`, a pair with the projector dark comes along.
-  /// @throws DeviceError (kFrameMissing, kSkewTooLarge, kStrayTrigger, kFrameInvalid, and what cameras and projector
+  /// remembered. With `ambient`, a pair with the projector dark comes along, and the projector must have made the
+  /// pictures brighter.
+  /// @throws DeviceError (kFrameMissing, kSkewTooLarge, kStrayTrigger, kFrameInvalid, kProjectorDark, and what cameras
+  /// and projector
   ///   throw); std::invalid_argument when pulse_width is more than the projector allows
   [[nodiscard]] FramePair CapturePair();
   /// Ends a CapturePair that blocks in another thread. Any thread.
@@ -98,6 +100,7 @@ class Rig {
     int needed = 0;  ///< so many would have been enough
   };
 
+  static void ConfirmLight(const FramePair& pair);
   void WarmUp();
   [[nodiscard]] Bracketed TakeBrackets(Light light, int least, int most);
   [[nodiscard]] FramePair TakePair(Light light);

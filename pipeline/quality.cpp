@@ -38,11 +38,13 @@ double MedianContrast(const cv::Mat& grey, const cv::Mat& power, const cv::Mat& 
   return *middle;
 }
 
-struct SideQuality {
-  double mean, contrast, saturated;
-};
+std::string Percent(const std::string& what, double value, const std::string& relation, double limit) {
+  return FormatText((what + " %.1f %%, " + relation + " %.1f %%").c_str(), value * 100, limit * 100);
+}
 
-SideQuality Assess(const cv::Mat& grey, const cv::Mat& mask) {
+}  // namespace
+
+PictureQuality AssessPicture(const cv::Mat& grey, const cv::Mat& mask) {
   // Texture between 2 and 9 px: the band of the dots. Noise of single pixels is averaged away by the small blur.
   cv::Mat fine, coarse, band, power;
   cv::GaussianBlur(grey, fine, {3, 3}, 0.8);
@@ -55,19 +57,13 @@ SideQuality Assess(const cv::Mat& grey, const cv::Mat& mask) {
   cv::boxFilter(full, share, CV_32F, {9, 9});
   const double saturated =
       static_cast<double>(cv::countNonZero((share > 0.5) & mask)) / std::max(1, cv::countNonZero(mask));
-  return {mean, MedianContrast(grey, power, mask), saturated};
+  return {mean / 255, MedianContrast(grey, power, mask), saturated};
 }
-
-std::string Percent(const std::string& what, double value, const std::string& relation, double limit) {
-  return FormatText((what + " %.1f %%, " + relation + " %.1f %%").c_str(), value * 100, limit * 100);
-}
-
-}  // namespace
 
 PictureQuality AssessPictures(const RectifiedPair& pair, const cv::Mat& left_mask, const cv::Mat& right_mask) {
-  const SideQuality left = Assess(pair.left, left_mask), right = Assess(pair.right, right_mask);
-  return {std::min(left.mean, right.mean) / 255, std::min(left.contrast, right.contrast),
-          std::max(left.saturated, right.saturated)};
+  const PictureQuality left = AssessPicture(pair.left, left_mask), right = AssessPicture(pair.right, right_mask);
+  return {std::min(left.mean_fraction, right.mean_fraction), std::min(left.speckle_contrast, right.speckle_contrast),
+          std::max(left.saturated_fraction, right.saturated_fraction)};
 }
 
 Verdict JudgePictures(const PictureQuality& quality, const QualityOptions& options) {

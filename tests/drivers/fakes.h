@@ -1,6 +1,7 @@
 // Cameras and a projector that obey their contracts and fail on request.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <deque>
@@ -27,7 +28,8 @@ struct FakeCameraState {
   std::shared_ptr<EventLog> events;
   std::deque<Frame> frames;  ///< given in turn; none left: the frame is missing
   std::optional<Reason> fail_arm, fail_grab;
-  std::optional<double> grey_per_us;  ///< exposure can be set, and frames without end are as bright as it
+  /// Exposure can be set, and frames without end are as bright as it, without a pulse half as bright.
+  std::optional<double> grey_per_us;
   double exposure_us = 0;
   bool note_triggers = false;
   bool block_grab = false;      ///< Grab waits for Interrupt
@@ -65,7 +67,10 @@ class FakeCamera final : public Camera {
     if (state_->fail_grab) throw DeviceError(*state_->fail_grab, Id(), "grab", "fails on request");
     if (state_->grey_per_us) {
       Frame frame;
-      frame.image = cv::Mat(4, 6, CV_8UC1, cv::Scalar(*state_->grey_per_us * state_->exposure_us));
+      const auto& events = *state_->events;
+      const auto armed = std::find(events.rbegin(), events.rend(), Id() + " arm");
+      const bool lit = std::find(events.rbegin(), armed, "projector pulse") != armed;
+      frame.image = cv::Mat(4, 6, CV_8UC1, cv::Scalar(*state_->grey_per_us * state_->exposure_us * (lit ? 1 : 0.5)));
       return frame;
     }
     if (state_->frames.empty()) throw DeviceError(Reason::kFrameMissing, Id(), "grab", "no frame in time");

@@ -496,12 +496,23 @@ TEST(Ambient, ComesAlongWithTheProjectorDark) {
   bench.lamp->has_trigger_line = true;
   bench.AddFrames(1, 1);
   bench.AddFrames(2, 2);
+  for (auto* camera : {bench.left.get(), bench.right.get()}) camera->frames.back().image.setTo(3);
   Rig rig = bench.MakeRig();
   const FramePair pair = rig.CapturePair();
   ASSERT_TRUE(pair.ambient_left && pair.ambient_right);
   EXPECT_EQ(pair.ambient_left->frame_id, 2u);
   EXPECT_EQ(bench.lamp->pulses, 1);
   EXPECT_THAT(*bench.events, testing::Contains("dark trigger"));
+}
+
+TEST(Ambient, TellsADeadLamp) {
+  Bench bench;
+  bench.options.ambient = true;
+  bench.lamp->has_trigger_line = true;
+  bench.AddFrames(1, 1);
+  bench.AddFrames(2, 2);  // as bright as the first
+  Rig rig = bench.MakeRig();
+  EXPECT_EQ(ReasonOf(rig), Reason::kProjectorDark);
 }
 
 TEST(Ambient, IsRefusedWhereOneLineDrivesBoth) {
