@@ -4,6 +4,7 @@
 
 #include <poll.h>
 #include <pthread.h>
+#include <sched.h>
 #include <spdlog/spdlog.h>
 #include <sys/eventfd.h>
 #include <sys/timerfd.h>
@@ -22,6 +23,7 @@ namespace {
 
 constexpr int kRetry_ms = 5;
 constexpr int kLastTries = 3;
+constexpr int kGuardPriority = 10;  // threads that serve interrupts have 50
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 
 std::int64_t KernelNow_ns() {
@@ -32,6 +34,19 @@ std::string Milliseconds(std::chrono::nanoseconds time) {
   std::array<char, 32> text{};
   (void)std::snprintf(text.data(), text.size(), "%.1f ms", static_cast<double>(time.count()) * 1e-6);
   return text.data();
+}
+
+/// Names this thread and gives it real-time priority, which the unit allows (LimitRTPRIO=). Without it the guard waits
+/// its turn: with six busy threads a core, one cut in a hundred came more than 17 ms late, with it 2 ms.
+void RiseAboveLoad() {
+  static std::atomic<bool> told{false};
+  (void)::pthread_setname_np(::pthread_self(), "projector-guard");
+  sched_param parameters{};
+  parameters.sched_priority = kGuardPriority;
+  const int error = ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters);
+  if (error == 0 || told.exchange(true)) return;
+  spdlog::warn("the projector's guard runs without real-time priority and may be late under load: {}",
+               std::generic_category().message(error));
 }
 
 }  // namespace
@@ -187,7 +202,7 @@ void GuardedLight::SetTimer(std::int64_t expiry_ns) const {
 }
 
 void GuardedLight::Guard() noexcept {
-  (void)::pthread_setname_np(::pthread_self(), "projector-guard");
+  RiseAboveLoad();
   bool again = false;
   for (;;) {
     std::array<pollfd, 2> waits{pollfd{timer_.get(), POLLIN, 0}, pollfd{stop_.get(), POLLIN, 0}};
