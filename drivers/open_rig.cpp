@@ -4,7 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "drivers/camera_aravis.h"
 #include "drivers/camera_replay.h"
+#include "drivers/camera_v4l2.h"
 #include "drivers/projector_gpio.h"
 #include "drivers/rig.h"
 #include "drivers/sim/bench.h"
@@ -14,16 +16,12 @@
 namespace granary {
 namespace {
 
-std::unique_ptr<Camera> OpenRealCamera(const CameraOptions& options, const std::string& side) {
-  const auto absent = [&](const std::string& driver) {
-    return std::invalid_argument(side + ".driver: this build has no driver \"" + driver +
-                                 "\" for cameras yet, allowed are \"replay\" and \"sim\"");
-  };
+std::unique_ptr<Camera> OpenRealCamera(const CameraOptions& options, TriggerMode trigger, cv::Size size) {
   switch (options.driver) {
     case CameraDriver::kAravis:
-      throw absent("aravis");
+      return std::make_unique<CameraAravis>(options, trigger, size);
     case CameraDriver::kV4l2:
-      throw absent("v4l2");
+      return std::make_unique<CameraV4l2>(options, trigger, size);
     case CameraDriver::kReplay:
       return std::make_unique<CameraReplay>(options.files);
     case CameraDriver::kSim:
@@ -60,8 +58,12 @@ Rig OpenRig(const RigOptions& options, const RigWorld& world) {
     if (options.projector.driver == ProjectorDriver::kGpio) {
       projector = std::make_unique<ProjectorGpio>(options.projector);
     }
-    left = OpenRealCamera(options.left, "left");
-    right = OpenRealCamera(options.right, "right");
+    const cv::Size size = world.calibration.image_size;
+    left = OpenRealCamera(options.left, TriggerOf(options.left, options.projector), size);
+    right = OpenRealCamera(options.right, TriggerOf(options.right, options.projector), size);
+    auto* left_aravis = dynamic_cast<CameraAravis*>(left.get());
+    auto* right_aravis = dynamic_cast<CameraAravis*>(right.get());
+    if (left_aravis != nullptr && right_aravis != nullptr) CameraAravis::ShareLink(*left_aravis, *right_aravis);
   }
   return Rig(std::move(left), std::move(right), std::move(projector), CaptureOptionsOf(options));
 }

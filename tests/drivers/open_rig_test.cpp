@@ -81,14 +81,6 @@ TEST(OpenRig, NamesSimulatedFramesByTheConfiguredId) {
   EXPECT_EQ(pair.right.source, "sim:right");
 }
 
-TEST(OpenRig, RefusesDriversThisBuildDoesNotHave) {
-  RigOptions options;
-  options.left.driver = options.right.driver = CameraDriver::kAravis;
-  EXPECT_THAT(Refusal(options), testing::HasSubstr("no driver \"aravis\""));
-  options.left.driver = options.right.driver = CameraDriver::kV4l2;
-  EXPECT_THAT(Refusal(options), testing::HasSubstr("no driver \"v4l2\""));
-}
-
 TEST(OpenRig, RefusesARealProjectorOverSimulatedCameras) {
   RigOptions options;
   options.projector.driver = ProjectorDriver::kGpio;
