@@ -43,6 +43,8 @@ void AddSweep(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddGrainOffset(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddReference(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddDisparity(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddCameras(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddMeter(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddSnapshot(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddHistory(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddRegisters(CLI::App& app, const GlobalOptions& global, Command& chosen);

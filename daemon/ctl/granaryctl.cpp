@@ -12,6 +12,7 @@
 #include <spdlog/spdlog.h>
 
 #include "daemon/ctl/command.h"
+#include "daemon/ctl/stop_signals.h"
 #include "pipeline/large_pages.h"
 
 namespace granary {
@@ -53,6 +54,8 @@ int Main(int argc, char** argv) {
   AddGrainOffset(app, global, chosen);
   AddReference(app, global, chosen);
   AddDisparity(app, global, chosen);
+  AddCameras(app, global, chosen);
+  AddMeter(app, global, chosen);
   AddSnapshot(app, global, chosen);
   AddHistory(app, global, chosen);
   AddRegisters(app, global, chosen);
@@ -80,6 +83,7 @@ int Main(int argc, char** argv) {
 }  // namespace granary
 
 int main(int argc, char** argv) {
+  granary::EndOnlyBetweenCaptures();
   granary::UseLargePagesForPictures();
   return granary::Main(argc, argv);
 }

@@ -57,9 +57,7 @@ int TakeReferences(const GlobalOptions& global, const ReferenceArguments& argume
     for (std::size_t i = 0; i < bin.rigs.size(); ++i)
       taken.push_back(TakeOne(bin, i, CapturePair(bin, bin.rigs[i], true)));
   } else {
-    if (bin.rigs.size() != 1)
-      throw UsageError("--frames: bin " + std::to_string(bin.config.bin.id) +
-                       " has several rigs; --rig NAME is needed");
+    static_cast<void>(OnlyRig(bin));  // one pair of files is of one rig
     if (arguments.files.frames.size() != 2) throw UsageError("--frames: one pair, left and right, is wanted");
     taken.push_back(TakeOne(bin, 0, LoadShot(bin, arguments.files).front()));
   }

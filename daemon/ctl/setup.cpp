@@ -7,8 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "daemon/ctl/stop_signals.h"
 #include "daemon/store.h"
-#include "drivers/rig.h"
 #include "pipeline/calibration_file.h"
 #include "pipeline/frame_file.h"
 #include "pipeline/reference_file.h"
@@ -61,6 +61,15 @@ std::vector<RigSetup> ChosenBin::Setups() const {
   std::vector<RigSetup> setups;
   for (const ChosenRig& rig : rigs) setups.push_back(rig.setup);
   return setups;
+}
+
+const ChosenRig& OnlyRig(const ChosenBin& bin) {
+  if (bin.rigs.size() == 1) return bin.rigs.front();
+  throw UsageError("bin " + std::to_string(bin.config.bin.id) + " has several rigs; --rig NAME is needed");
+}
+
+RigWorld WorldOf(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin) {
+  return {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left, empty_bin};
 }
 
 ChosenBin ChooseBin(const GlobalOptions& global, const std::string& rig) {
@@ -123,11 +132,14 @@ std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files) {
     Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing " +
         (bin.config.shots == 1 ? "a pair" : std::to_string(bin.config.shots) + " pairs") +
         (rig.Simulated() ? " (simulated)" : ""));
-    rigs.push_back(OpenRig(rig.options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left}));
+    rigs.push_back(OpenRig(rig.options, WorldOf(bin, rig)));
   }
   for (int k = 0; k < bin.config.shots; ++k) {
     Shot& shot = shots.emplace_back();
-    for (Rig& rig : rigs) shot.push_back(rig.CapturePair());
+    for (Rig& rig : rigs) {
+      const CaptureGuard guard;
+      shot.push_back(rig.CapturePair());
+    }
   }
   return shots;
 }
@@ -135,7 +147,8 @@ std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files) {
 FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin) {
   Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing a pair" +
       (rig.Simulated() ? empty_bin ? " (simulated, the bin without grain)" : " (simulated)" : ""));
-  Rig opened = OpenRig(rig.options, {bin.config.bin, rig.setup.calibration, rig.setup.world_from_left, empty_bin});
+  Rig opened = OpenRig(rig.options, WorldOf(bin, rig, empty_bin));
+  const CaptureGuard guard;
   return opened.CapturePair();
 }
 

@@ -10,6 +10,7 @@
 
 #include "config/config.h"
 #include "daemon/ctl/command.h"
+#include "drivers/rig.h"
 #include "pipeline/pipeline.h"
 
 namespace granary {
@@ -27,6 +28,12 @@ struct ChosenBin {
   std::vector<ChosenRig> rigs;
   [[nodiscard]] std::vector<RigSetup> Setups() const;
 };
+
+/// For commands that look at one rig. @throws UsageError when there are several
+[[nodiscard]] const ChosenRig& OnlyRig(const ChosenBin& bin);
+
+/// What OpenRig has to know. @param empty_bin a simulated rig shows the bin without grain
+[[nodiscard]] RigWorld WorldOf(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin = false);
 
 /// Reads the configuration, and calibration and pose of the rigs.
 /// @param rig empty: all rigs of the bin

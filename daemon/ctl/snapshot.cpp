@@ -1,8 +1,10 @@
 // granaryctl snapshot: one pair from the rig, as files that every other command takes with --frames.
 #include <CLI/CLI.hpp>
 
+#include <chrono>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "daemon/ctl/command.h"
@@ -19,22 +21,34 @@ struct SnapshotArguments {
   std::string folder;
 };
 
+nlohmann::ordered_json OrNull(const std::optional<std::chrono::microseconds>& duration) {
+  return duration ? nlohmann::ordered_json(duration->count()) : nlohmann::ordered_json();
+}
+nlohmann::ordered_json OrNull(const std::optional<double>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
+}
+
 int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
   const ChosenBin bin = ChooseBin(global, arguments.rig);
-  if (bin.rigs.size() != 1) {
-    throw UsageError("bin " + std::to_string(bin.config.bin.id) + " has several rigs; --rig NAME is needed");
-  }
+  const ChosenRig& rig = OnlyRig(bin);
   const std::filesystem::path folder = arguments.folder;
   MakeFolder(folder);
-  const FramePair pair = CapturePair(bin, bin.rigs.front(), false);
+  const FramePair pair = CapturePair(bin, rig, false);
   SaveFrame(folder / "left.png", pair.left.image);
   SaveFrame(folder / "right.png", pair.right.image);
-  Say("left.png and right.png are in " + folder.string());
+  if (pair.ambient_left) SaveFrame(folder / "ambient_left.png", pair.ambient_left->image);
+  if (pair.ambient_right) SaveFrame(folder / "ambient_right.png", pair.ambient_right->image);
+  Say("left.png and right.png are in " + folder.string() +
+      (pair.ambient_left ? ", with ambient_left.png and ambient_right.png" : ""));
   if (global.json) {
     PrintJson({{"left", (folder / "left.png").string()},
                {"right", (folder / "right.png").string()},
                {"utc", UtcText(pair.left.exposure_start)},
-               {"skew_us", pair.skew ? nlohmann::ordered_json(pair.skew->count()) : nlohmann::ordered_json()},
+               {"skew_us", OrNull(pair.skew)},
+               {"pulse_us", OrNull(pair.pulse)},
+               {"ambient", pair.ambient_left.has_value()},
+               {"frame_ids", {pair.left.frame_id, pair.right.frame_id}},
+               {"temperature_c", {OrNull(pair.left.temperature_c), OrNull(pair.right.temperature_c)}},
                {"bit_depth", pair.left.bit_depth},
                {"simulated", pair.Simulated()}});
   }

@@ -65,6 +65,37 @@ TEST(GranaryctlScene, ReferenceThenMeasureFromItsOwnSnapshots) {
   EXPECT_EQ(swapped.Document()["valid"], false);
 }
 
+TEST(GranaryctlScene, SnapshotTellsHowThePairWasTaken) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("snapshot -o shots --json"));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto told = run.Document();
+  EXPECT_EQ(told["skew_us"], 0);  // the simulator exposes both at once
+  EXPECT_GT(told["pulse_us"].get<double>(), 8000);
+  EXPECT_EQ(told["ambient"], false);
+  EXPECT_TRUE(told["temperature_c"][0].is_null());
+}
+
+TEST(GranaryctlScene, MeterShowsContrastOfBothPictures) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("meter --count 3 --every 0 --json"));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, AllOf(HasSubstr("pairs/s"), HasSubstr("contrast"), HasSubstr("(simulated)")));
+  const auto last = run.Document();
+  for (const char* side : {"left", "right"}) {
+    EXPECT_GT(last[side]["speckle_contrast"].get<double>(), 0.05) << side;  // what the daemon asks for
+    EXPECT_GT(last[side]["mean_fraction"].get<double>(), 0.01) << side;
+  }
+  EXPECT_GT(last["pairs_per_s"].get<double>(), 0);
+  EXPECT_EQ(last["missed_left"], 0);
+}
+
+TEST(GranaryctlScene, MeterEndsOnCtrlCWithTheShellsStatus) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run(Demo("meter --every 0"), "timeout --preserve-status -s INT 3");
+  EXPECT_EQ(run.exit_code, 130) << run.err;
+}
+
 TEST(GranaryctlScene, FindsTheOffsetThatMakesTheKnownVolume) {
   const CtlFolder folder;
   // As if the simulator's grain, smooth as it is, held 0.1 litre less than it shows: 0.5 mm over its floor.

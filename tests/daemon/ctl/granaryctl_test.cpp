@@ -246,5 +246,33 @@ TEST_F(Ctl, HistoryIsAnArrayNewestLast) {
   EXPECT_THAT(text.err, HasSubstr("not_measured"));
 }
 
+// What is found depends on the machine; that it is a list does not.
+TEST(Granaryctl, ListsTheCamerasThereAre) {
+  const CtlFolder folder;
+  const ProgramRun run = folder.Run("cameras --json");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const auto cameras = run.Document();
+  ASSERT_TRUE(cameras.is_array());
+  for (const auto& camera : cameras) {
+    EXPECT_THAT(camera["driver"].get<std::string>(), testing::AnyOf("aravis", "v4l2"));
+    EXPECT_FALSE(camera["id"].get<std::string>().empty());
+  }
+}
+
+TEST(Granaryctl, SaysThatACameraOfTheConfigurationIsNotThere) {
+  const CtlFolder folder;
+  folder.Write("stereo.yml", kStereo);
+  folder.Write("world.yml", kWorld);
+  folder.Write("bin.toml",
+               "[[bin]]\nid = 1\nfootprint_m = [[0, 0], [0.4, 0], [0.4, 0.3], [0, 0.3]]\nheight_m = 0.3\n"
+               "schedule = { every = \"1h\" }\n[[bin.rig]]\ncalibration = \"stereo.yml\"\npose = \"world.yml\"\n"
+               "left = { driver = \"v4l2\", trigger = \"free\", id = \"/dev/v4l/by-path/no-such-left\" }\n"
+               "right = { driver = \"v4l2\", trigger = \"free\", id = \"/dev/v4l/by-path/no-such-right\" }\n");
+  const ProgramRun run = folder.Run("-c bin.toml snapshot -o shots");
+  EXPECT_EQ(run.exit_code, 1) << run.err;
+  EXPECT_THAT(run.err, testing::HasSubstr("/dev/v4l/by-path/no-such-left"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "shots/left.png"));
+}
+
 }  // namespace
 }  // namespace granary
