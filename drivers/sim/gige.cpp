@@ -70,7 +70,6 @@ struct SimGige::Impl {
     Side side = Side::kLeft;
     std::string address;
     double lost_percent = 0;
-    ArvFakeCamera* fake = nullptr;                   // the camera's own
     std::unique_ptr<ArvGvFakeCamera, Unref> camera;  // last: its thread uses what stands above
   };
 
@@ -105,17 +104,17 @@ void SimGige::Impl::Plug(Eye& eye) {
     eye.camera.reset();
     throw NotLocal(eye.address);
   }
-  eye.fake = arv_gv_fake_camera_get_fake_camera(eye.camera.get());
+  ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(eye.camera.get());
   const auto width = static_cast<guint32>(size.width), height = static_cast<guint32>(size.height);
   for (const auto& [address, value] :
        {std::pair{ARV_FAKE_CAMERA_REGISTER_SENSOR_WIDTH, width},
         std::pair{ARV_FAKE_CAMERA_REGISTER_SENSOR_HEIGHT, height}, std::pair{ARV_FAKE_CAMERA_REGISTER_WIDTH, width},
         std::pair{ARV_FAKE_CAMERA_REGISTER_HEIGHT, height}}) {
-    if (!arv_fake_camera_write_register(eye.fake, address, value)) {
+    if (!arv_fake_camera_write_register(fake, address, value)) {
       throw std::logic_error("SimGige: the fake camera has no register " + std::to_string(address));
     }
   }
-  arv_fake_camera_set_fill_pattern(eye.fake, &Impl::Fill, &eye);
+  arv_fake_camera_set_fill_pattern(fake, &Impl::Fill, &eye);
   Lose(eye, eye.lost_percent);
 }
 
@@ -127,11 +126,9 @@ void SimGige::Impl::Lose(Eye& eye, double percent) const {
 /// Called by the camera's thread, with the buffer as large as the client's region and format want it.
 void SimGige::Impl::Fill(ArvBuffer* buffer, void* eye, guint32 exposure_us, guint32 gain, ArvPixelFormat format) {
   const Eye& seen_by = *static_cast<const Eye*>(eye);
-  const bool free = arv_fake_camera_is_in_free_running_mode(seen_by.fake) != FALSE;
   const Frame frame =
       seen_by.gige->stage.TakePicture(seen_by.side, UtcTime(std::chrono::nanoseconds(arv_buffer_get_timestamp(buffer))),
-                                      {static_cast<double>(exposure_us), static_cast<double>(gain)},
-                                      free ? SimStage::Time::kStands : SimStage::Time::kMovesOn);
+                                      {static_cast<double>(exposure_us), static_cast<double>(gain)});
   arv_buffer_set_frame_id(buffer, WireId(frame.frame_id));
   arv_buffer_set_timestamp(buffer, static_cast<guint64>(frame.exposure_start.time_since_epoch().count()));
 
@@ -162,6 +159,7 @@ SimGige::SimGige(const SimOptions& options, const RigWorld& world, const SimGige
                                 std::to_string(size.height) + ", a simulated GigE camera has at most " +
                                 std::to_string(kLargestSide_px) + " x " + std::to_string(kLargestSide_px));
   }
+  for (const auto& address : gige.addresses) CheckAddress(address);  // before the scene is lit, which takes a second
   impl_ = std::make_unique<Impl>(options, world, gige);
 }
 

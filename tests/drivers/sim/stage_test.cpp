@@ -36,16 +36,25 @@ TEST(TakePicture, GivesBothSidesOneShot) {
   EXPECT_EQ(right.exposure_start, kStart);
 }
 
-TEST(TakePicture, ShowsWhatTheSceneShows) {
+TEST(TakePicture, ShowsTheSceneOneStepFurtherAfterAPause) {
   SimStage stage(Draining(), SmallLabWorld());
   SimScene scene(Draining(), SmallLabWorld());
   for (std::uint64_t shot = 1; shot <= 3; ++shot) {
     if (shot > 1) scene.Advance();
-    const UtcTime when = kStart + shot * milliseconds{700};
+    const UtcTime when = kStart + shot * (SimStage::kPause + milliseconds{1});
     for (const Side side : {Side::kRight, Side::kLeft}) {
       EXPECT_TRUE(Same(stage.TakePicture(side, when, {4000, 3}), scene.RenderSide(side, shot, true, {4000, 3})))
           << "shot " << shot;
     }
+  }
+}
+
+TEST(TakePicture, ShowsTheSameSceneWithinAMeasurement) {
+  SimStage stage(Draining(), SmallLabWorld());
+  SimScene scene(Draining(), SmallLabWorld());
+  for (std::uint64_t shot = 1; shot <= 3; ++shot) {
+    const Frame frame = stage.TakePicture(Side::kLeft, kStart + shot * SimStage::kPause, {});
+    EXPECT_TRUE(Same(frame, scene.RenderSide(Side::kLeft, shot, true, {}))) << "shot " << shot;
   }
 }
 
@@ -67,17 +76,18 @@ TEST(TakePicture, MovesOnWhereOneSideMissedAShot) {
   SimScene scene(Draining(), SmallLabWorld());
   (void)stage.TakePicture(Side::kLeft, kStart, {});
   scene.Advance();
-  EXPECT_TRUE(
-      Same(stage.TakePicture(Side::kLeft, kStart + milliseconds{700}, {}), scene.RenderSide(Side::kLeft, 2, true, {})));
+  EXPECT_TRUE(Same(stage.TakePicture(Side::kLeft, kStart + 2 * SimStage::kPause, {}),
+                   scene.RenderSide(Side::kLeft, 2, true, {})));
 }
 
-TEST(TakePicture, LeavesTheSceneWhereACameraRunsFree) {
-  SimStage stage(Draining(), SmallLabWorld());
-  SimScene scene(Draining(), SmallLabWorld());
-  for (std::uint64_t shot = 1; shot <= 3; ++shot) {
-    const Frame frame = stage.TakePicture(Side::kLeft, kStart + shot * milliseconds{40}, {}, SimStage::Time::kStands);
-    EXPECT_TRUE(Same(frame, scene.RenderSide(Side::kLeft, shot, true, {}))) << "shot " << shot;
-  }
+TEST(TakePicture, LeavesAnEmptyBinEmpty) {
+  RigWorld world = SmallLabWorld();
+  world.empty_bin = true;
+  SimStage stage(Draining(), world);
+  SimScene scene(Draining(), world);
+  (void)stage.TakePicture(Side::kLeft, kStart, {});
+  EXPECT_TRUE(Same(stage.TakePicture(Side::kLeft, kStart + 2 * SimStage::kPause, {}),
+                   scene.RenderSide(Side::kLeft, 2, true, {})));
 }
 
 TEST(TakePicture, IsDarkWithoutTheLamp) {
@@ -91,7 +101,7 @@ TEST(TakePicture, ServesTwoThreads) {
   SimStage stage(Draining(), SmallLabWorld());
   const auto take = [&](Side side) {
     std::uint64_t last = 0;
-    for (int i = 0; i < 3; ++i) last = stage.TakePicture(side, kStart + i * milliseconds{700}, {}).frame_id;
+    for (int i = 0; i < 3; ++i) last = stage.TakePicture(side, kStart + 2 * i * SimStage::kPause, {}).frame_id;
     return last;
   };
   auto left = std::async(std::launch::async, take, Side::kLeft);
