@@ -166,7 +166,7 @@ void CameraV4l2::Impl::Skip(int frames) {
   }
 }
 
-/// Frames that waited since the last Disarm.
+/// Frames that waited since the last Disarm, and the one that some drivers (v4l2loopback) keep over streams.
 void CameraV4l2::Impl::Drain() {
   for (std::size_t i = 0; i < 2 * stream.count(); ++i) {
     const auto buffer = stream.TryTake();
@@ -317,9 +317,9 @@ void CameraV4l2::Arm() {
     it.counter.StreamStarts();
     it.stream.Start();
   }
+  if (it.RunsFree() && !it.running) it.WaitForFirstFrame();
+  it.Drain();
   if (it.RunsFree()) {
-    if (!it.running) it.WaitForFirstFrame();
-    it.Drain();
     it.Skip(std::exchange(it.settling, 0));
     it.armed_at = it.node.system().Monotonic();
     it.under_way = kFramesUnderWay;

@@ -217,6 +217,7 @@ int Start(FakeNode& node, int fd) {
   node.streaming = true;
   ++node.starts;
   if (!node.counts_on) node.sequence = 0;
+  if (node.keeps_last && !node.last.empty()) node.Send(node.last);
   return 0;
 }
 
@@ -282,8 +283,9 @@ int Fail(int error) {
 
 }  // namespace
 
-void FakeNode::Send(std::vector<std::uint8_t> bytes, std::uint32_t flags) {
+void FakeNode::Send(const std::vector<std::uint8_t>& bytes, std::uint32_t flags) {
   if (!streaming || unplugged) return;
+  last = bytes;
   const std::uint32_t number = sequence++;
   if (queued.empty()) return;
   const std::uint32_t index = queued.front();

@@ -47,13 +47,14 @@ struct FakeNode {
   unsigned most_buffers = 32;
   bool interlaced = false;
   bool counts_on = false;              ///< the sequence goes on over STREAMOFF
+  bool keeps_last = false;             ///< its last picture comes again when a stream starts
   std::map<unsigned long, int> fails;  ///< errno of an ioctl
   /// What happens while somebody waits: one at a time, 1 ms apart.
   std::deque<std::function<void(FakeNode&)>> to_come;
   std::uint32_t runs_free_ms = 0;  ///< a frame each so many ms; 0: only those of to_come
 
   /// A frame ends now: into a buffer if the driver has one, else it is lost and only counted.
-  void Send(std::vector<std::uint8_t> bytes, std::uint32_t flags = 0);
+  void Send(const std::vector<std::uint8_t>& bytes, std::uint32_t flags = 0);
   /// One of the set size, all of one grey.
   void SendGrey(int grey, std::uint32_t flags = 0);
   void Unplug() { unplugged = true; }
@@ -72,6 +73,7 @@ struct FakeNode {
   int starts = 0;
   std::vector<Buffer> buffers;
   std::deque<std::uint32_t> queued, done;
+  std::vector<std::uint8_t> last;
   v4l2_pix_format pix{};
   v4l2_rect crop{0, 0, 16, 8};
   const std::chrono::nanoseconds* clock = nullptr;
