@@ -13,8 +13,8 @@
 #include "daemon/modbus/socket.h"
 #include "daemon/record_json.h"
 #include "daemon/store.h"
-#include "pipeline/calibration_file.h"
 #include "tests/loopback/daemon_process.h"
+#include "tests/loopback/half_size_rig.h"
 #include "tests/pipeline/temporary_folder.h"
 
 namespace granary {
@@ -30,17 +30,7 @@ constexpr double kPrinted = 5.1e-6;
 class Granaryd : public testing::Test {
  protected:
   void SetUp() override {
-    // Half the resolution: four times faster than the demo's.
-    StereoCalibration calibration = LoadStereoCalibration(std::filesystem::path(GRANARY_SIM_FOLDER) / "stereo.yml");
-    calibration.image_size /= 2;
-    for (auto* K : {&calibration.K1, &calibration.K2}) {
-      for (const int row : {0, 1}) {
-        for (int column = 0; column < 3; ++column) (*K)(row, column) /= 2;
-        (*K)(row, 2) -= 0.25;  // pixel centres lie at integers
-      }
-    }
-    SaveStereoCalibration(folder_ / "stereo.yml", calibration);
-    std::filesystem::copy_file(std::filesystem::path(GRANARY_SIM_FOLDER) / "world.yml", folder_ / "world.yml");
+    WriteHalfSizeRig(folder_.path());
     Configure();
   }
 
