@@ -116,6 +116,17 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
   });
 }
 
+void BinMonitor::Open() {
+  for (auto& slot : slots_) {
+    progress_.Promise(clock_.Steady(), DeadlineOf(CycleState::kCapturing, setup_.cycle, 1));
+    try {
+      slot.Open();
+    } catch (const DeviceError& error) {
+      spdlog::error("{}: rig {} cannot be opened: {}", NameOf(setup_.bin), slot.options().name, error.what());
+    }
+  }
+}
+
 bool BinMonitor::RunCycle(const std::stop_token& stop) {
   trials_ = 0;
   return Run(stop, CycleKind::kScheduled);

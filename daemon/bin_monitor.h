@@ -50,6 +50,9 @@ class BinMonitor {
   /// Publishes what is known before the first cycle: the newest stored figure as held, with its own time.
   /// @param carried the snapshot of the monitor that this one replaces (same bin, new configuration)
   void Restore(const std::optional<BinSnapshot>& carried = std::nullopt);
+  /// Opens the rigs before the first cycle, so that a line that a crash left high falls, and trouble is told now and not
+  /// at the first scheduled time.
+  void Open();
   /// One cycle. @return false when `stop` ended it
   bool RunCycle(const std::stop_token& stop);
   /// Between cycles: after one that failed at a camera or projector, tries from time to time (first after 5 s, at last

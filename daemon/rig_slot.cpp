@@ -43,6 +43,7 @@ bool RigSlot::ReopenIfDue() {
 }
 
 void RigSlot::Open() {
+  if (rig_) return;
   try {
     Rig rig = open_(plan_.options, plan_.world);
     const std::scoped_lock lock(mutex_);

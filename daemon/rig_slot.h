@@ -35,6 +35,9 @@ class RigSlot {
   /// with the projector off. Never waits for the delay: until it is over, the trouble is thrown again.
   /// @throws DeviceError naming the rig's device
   [[nodiscard]] FramePair Capture();
+  /// Opens the rig unless it is open; what is wrong with it is known from then on, and its projector is off.
+  /// @throws DeviceError naming the rig's device
+  void Open();
   /// Between cycles: opens a closed rig whose delay is over. @return true when the rig is open now and was not before
   bool ReopenIfDue();
   /// Lets go of the devices.
@@ -52,7 +55,6 @@ class RigSlot {
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
  private:
-  void Open();
   void Fail(Reason reason, const std::string& words);
 
   RigPlan plan_;

@@ -32,6 +32,7 @@ void Worker::Start(const std::optional<BinSnapshot>& carried, std::uint64_t max_
   monitor_.Restore(carried);
   ended_ = false;
   thread_ = std::jthread([this, max_cycles](const std::stop_token& stop) {
+    monitor_.Open();
     Run(stop, max_cycles);
     monitor_.Close();
     ended_ = true;

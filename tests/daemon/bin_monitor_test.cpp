@@ -109,6 +109,19 @@ TEST(BinMonitor, RecoversInTheNextCycle) {
   EXPECT_EQ(depot.Last().last_failure, Reason::kFrameMissing);
 }
 
+TEST(BinMonitor, OpensItsRigsBeforeTheFirstCycleAndOutlivesTrouble) {
+  Depot depot;
+  auto monitor = depot.Monitor();
+  depot.bench->failing_opens = 1;
+  monitor->Open();
+  EXPECT_EQ(depot.bench->opens, 1);
+  depot.clock.Advance(1s);
+  monitor->Idle(std::nullopt);
+  EXPECT_EQ(depot.bench->opens, 2);
+  EXPECT_TRUE(monitor->RunCycle(depot.stop.get_token()));
+  EXPECT_TRUE(depot.Last().last->valid);
+}
+
 TEST(TryAgain, MeasuresSoonAfterADeviceIsBack) {
   Depot depot;
   auto monitor = depot.Monitor();

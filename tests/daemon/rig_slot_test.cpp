@@ -45,6 +45,14 @@ TEST(RigSlot, ClosesTheDevicesOnTrouble) {
   EXPECT_EQ(place.bench->closes, 2);
 }
 
+TEST(RigSlot, OpensAheadOfTheFirstCapture) {
+  Place place;
+  place.slot.Open();
+  place.slot.Open();
+  EXPECT_EQ(place.Capture(), Reason::kOk);
+  EXPECT_EQ(place.bench->opens, 1);
+}
+
 TEST(RigSlot, ReopensWhenTheDelayIsOver) {
   Place place;
   place.bench->failing_grabs = 1;
