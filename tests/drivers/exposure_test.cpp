@@ -62,9 +62,9 @@ TEST(MergeBrackets, GivesUpLowBitsWhereSixteenAreTooFew) {
 }
 
 TEST(MergeBrackets, RefusesPicturesThatAreNotAlike) {
-  EXPECT_THROW(MergeBrackets({Picture(8, {1, 2}), Picture(8, {1})}), std::invalid_argument);
-  EXPECT_THROW(MergeBrackets({Picture(10, {1}), Picture(12, {1})}), std::invalid_argument);
-  EXPECT_THROW(MergeBrackets({}), std::invalid_argument);
+  EXPECT_THROW((void)MergeBrackets({Picture(8, {1, 2}), Picture(8, {1})}), std::invalid_argument);
+  EXPECT_THROW((void)MergeBrackets({Picture(10, {1}), Picture(12, {1})}), std::invalid_argument);
+  EXPECT_THROW((void)MergeBrackets({}), std::invalid_argument);
 }
 
 }  // namespace
