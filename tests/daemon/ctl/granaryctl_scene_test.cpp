@@ -65,6 +65,54 @@ TEST(GranaryctlScene, ReferenceThenMeasureFromItsOwnSnapshots) {
   EXPECT_EQ(swapped.Document()["valid"], false);
 }
 
+// The demo's rig with other keys: four times the exposure that suits it, or a dark pair beside the lit one.
+std::string DemoRigWith(const std::string& rig_keys, double exposure_us, const std::string& sim_keys = "") {
+  const std::string sim = std::filesystem::path(DEMO_CONFIG).parent_path().string() + "/sim/";
+  const std::string camera = "{ driver = \"sim\", exposure_us = " + std::to_string(exposure_us) + " }";
+  return "[[bin]]\nid = 1\nfootprint_m = [[0.0, 0.0], [0.52, 0.0], [0.52, 0.355], [0.0, 0.355]]\nheight_m = 0.285\n"
+         "[[bin.rig]]\ncalibration = \"" +
+         sim + "stereo.yml\"\npose = \"" + sim + "world.yml\"\n" + rig_keys + "left = " + camera +
+         "\nright = " + camera +
+         "\nprojector = { driver = \"sim\" }\n"
+         "[bin.rig.sim]\nvolume_m3 = 0.0193\n" +
+         sim_keys;
+}
+
+TEST(GranaryctlScene, AnOverexposedPictureIsRefused) {
+  const CtlFolder folder;
+  folder.Write("bin.toml", DemoRigWith("", 32000));
+  const ProgramRun run = folder.Run("-c bin.toml measure --json");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.out + run.err, HasSubstr("saturated"));
+}
+
+TEST(GranaryctlScene, ShorterExposuresSaveAnOverexposedPicture) {
+  const CtlFolder folder;
+  folder.Write("bin.toml", DemoRigWith("exposure_brackets = 2\n", 32000));
+  const ProgramRun run = folder.Run("-c bin.toml measure --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NEAR(run.Document()["volume_m3"].get<double>(), kTruth_m3, kTolerance_m3);
+}
+
+TEST(GranaryctlScene, MeasuresWithTheDarkPairTakenOff) {
+  const CtlFolder folder;
+  folder.Write("bin.toml", DemoRigWith("ambient = true\n", 8000));
+  const ProgramRun run = folder.Run("-c bin.toml measure --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NEAR(run.Document()["volume_m3"].get<double>(), kTruth_m3, kTolerance_m3);
+  ASSERT_EQ(folder.Run("-c bin.toml snapshot -o shots").exit_code, 0);
+  EXPECT_LT(cv::mean(ReadImage(folder / "shots/ambient_left.png"))[0],
+            cv::mean(ReadImage(folder / "shots/left.png"))[0]);
+}
+
+TEST(GranaryctlScene, ADeadLampIsToldByTheDarkPair) {
+  const CtlFolder folder;
+  folder.Write("bin.toml", DemoRigWith("ambient = true\n", 8000, "projector_works = false\n"));
+  const ProgramRun run = folder.Run("-c bin.toml snapshot -o shots");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("no brighter than with the projector off"));
+}
+
 TEST(GranaryctlScene, SnapshotTellsHowThePairWasTaken) {
   const CtlFolder folder;
   const ProgramRun run = folder.Run(Demo("snapshot -o shots --json"));
