@@ -13,12 +13,17 @@
 namespace granary {
 
 /// One GenICam camera under our control, streaming while it is open. Aravis is not thread-safe: one thread, but for
-/// Interrupt.
+/// Interrupt. A camera that is gone holds a call up for 2.5 s, closing it for 5 s.
+///
+/// Frames that were under way at Arm are dropped. Of one that a stray trigger began just before, the camera's clock
+/// tells with PTP; without, the rig does, by counters and skew.
 class CameraAravis final : public Camera {
  public:
   /// Opens the camera that `options.id` names by serial, "Vendor-Serial", MAC or IP, takes control (and makes sure of
-  /// it), sets it up and reads every setting back.
-  /// @param trigger what starts its exposures
+  /// it), sets it up and reads every setting back. It tries for control for 3 s, in which the heartbeat of a program that died runs
+  /// out.
+  /// @param trigger what starts its exposures; kLine0 is the camera's "Line0", or the TriggerSource that
+  ///   options.features names
   /// @param size    of the frames where options.roi_px is empty; empty: as large as the sensor
   /// @throws DeviceError: kCameraUnavailable when absent, kCameraInUse when another program holds it, kSettingRefused
   ///   with key, value and what the camera allows

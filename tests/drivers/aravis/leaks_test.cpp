@@ -1,13 +1,21 @@
 // After many cycles the process has as many descriptors and threads as before, and no more memory.
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
+#include <iterator>
 #include <string>
 
 #include "tests/drivers/aravis/aravis_test.h"
 
 namespace granary {
 namespace {
+
+// Sanitizers keep freed memory for a while.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kTellsMemory = false;
+#else
+constexpr bool kTellsMemory = true;
+#endif
 
 struct Usage {
   long descriptors = 0, threads = 0, resident_kib = 0;
@@ -41,7 +49,9 @@ class Leaks : public AravisTest {
     const Usage after = UsageNow();
     EXPECT_EQ(after.descriptors, before.descriptors);
     EXPECT_EQ(after.threads, before.threads);
-    EXPECT_LE(after.resident_kib, before.resident_kib + grown_kib);
+    if (kTellsMemory) {
+      EXPECT_LE(after.resident_kib, before.resident_kib + grown_kib);
+    }
     std::cout << cycles << " cycles: descriptors " << before.descriptors << " -> " << after.descriptors << ", threads "
               << before.threads << " -> " << after.threads << ", resident KiB " << before.resident_kib << " -> "
               << after.resident_kib << "\n";
@@ -63,7 +73,9 @@ TEST_F(Leaks, AreNotLeftByRefusedOpenings) {
   const Usage after = UsageNow();
   EXPECT_EQ(after.descriptors, before.descriptors);
   EXPECT_EQ(after.threads, before.threads);
-  EXPECT_LE(after.resident_kib, before.resident_kib + 2048);
+  if (kTellsMemory) {
+    EXPECT_LE(after.resident_kib, before.resident_kib + 2048);
+  }
 }
 
 }  // namespace
