@@ -21,6 +21,9 @@ namespace {
 
 // With fewer the driver has nowhere to write while one is read.
 constexpr unsigned kFewestBuffers = 2;
+// A stamp farther ahead of the clock is of another one, whatever the flag says: uvcvideo can be told to use UTC. A
+// little ahead are drivers that calculate it, as vivid does.
+constexpr std::chrono::seconds kStampAhead{1};
 
 v4l2_buffer EmptyBuffer(std::uint32_t index) {
   v4l2_buffer buffer{};
@@ -111,8 +114,7 @@ std::optional<V4l2Buffer> V4l2Stream::TryTake() const {
   if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) {
     taken.stamp = std::chrono::seconds(buffer.timestamp.tv_sec) + std::chrono::microseconds(buffer.timestamp.tv_usec);
     const auto source = buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK;
-    // A stamp ahead of the clock is of another one, whatever the flag says: uvcvideo can be told to use UTC.
-    if (taken.stamp > node_.system().Monotonic()) return taken;
+    if (taken.stamp > node_.system().Monotonic() + kStampAhead) return taken;
     if (source == V4L2_BUF_FLAG_TSTAMP_SRC_EOF) taken.stamp_source = StampSource::kEndOfFrame;
     if (source == V4L2_BUF_FLAG_TSTAMP_SRC_SOE) taken.stamp_source = StampSource::kStartOfExposure;
   }

@@ -108,7 +108,20 @@ TEST(CameraV4l2, TellsNoTimeOfAnUnknownClock) {
   }
 }
 
-TEST(CameraV4l2, TellsNoTimeOfAStampAheadOfTheClock) {
+TEST(CameraV4l2, BelievesAStampThatIsALittleAheadOfTheClock) {
+  V4l2Bench bench;
+  const auto camera = bench.Open(TriggerMode::kLine0);
+  camera->Arm();
+  bench.node->to_come.emplace_back([&](FakeNode& n) {
+    const auto now = bench.system.now;
+    bench.system.now += std::chrono::milliseconds(20);
+    n.SendGrey(1);
+    bench.system.now = now;
+  });
+  EXPECT_NE(camera->Grab(kTimeout).device_time, std::nullopt);
+}
+
+TEST(CameraV4l2, TellsNoTimeOfAStampFarAheadOfTheClock) {
   V4l2Bench bench;
   const auto camera = bench.Open(TriggerMode::kLine0);
   camera->Arm();
