@@ -20,8 +20,8 @@ namespace granary {
 class CameraAravis final : public Camera {
  public:
   /// Opens the camera that `options.id` names by serial, "Vendor-Serial", MAC or IP, takes control (and makes sure of
-  /// it), sets it up and reads every setting back. It tries for control for 3 s, in which the heartbeat of a program that died runs
-  /// out.
+  /// it), sets it up and reads every setting back. It tries for control for 3 s, in which the heartbeat of a program
+  /// that died runs out.
   /// @param trigger what starts its exposures; kLine0 is the camera's "Line0", or the TriggerSource that
   ///   options.features names
   /// @param size    of the frames where options.roi_px is empty; empty: as large as the sensor
