@@ -16,13 +16,18 @@ const Section<CameraOptions>& CameraSection() {
            .Required(),
        Value<T>("id", &T::id, "", "Which camera, as `granaryctl cameras` lists it. Needed by aravis and v4l2.")
            .Allowed("a serial, a device path"),
-       Value<T>("exposure_us", &T::exposure_us, "us", "Exposure time."),
-       Value<T>("gain_db", &T::gain_db, "dB", "Analogue gain."),
+       Value<T>("exposure_us", &T::exposure_us, "us",
+                "Exposure time. v4l2: within 1 % of a step of the node, usually 100 us; nodes without the control keep "
+                "their own."),
+       Value<T>("gain_db", &T::gain_db, "dB",
+                "Analogue gain. v4l2: 0, which sets the node's least; its steps have no unit, see features."),
        Choice<T>(
            "trigger", &T::trigger,
            std::vector<std::pair<std::string, TriggerMode>>{
                {"line0", TriggerMode::kLine0}, {"software", TriggerMode::kSoftware}, {"free", TriggerMode::kFree}},
-           "What starts an exposure. Unset: line0 with a GPIO projector, else software."),
+           "What starts an exposure; free: the camera runs by itself, and a frame counts when its whole exposure lay "
+           "in the "
+           "projector's pulse. Unset: line0 with a GPIO projector, else software (aravis) or free (v4l2)."),
        Value<T>("files", &T::files, "", "replay only, and needed there: frames, used in turn, round and round.")
            .Allowed("pictures (PNG, TIFF, PGM); as many left as right")
            .OmitEmpty(),
@@ -71,7 +76,10 @@ const Section<ProjectorOptions>& ProjectorSection() {
        Value<T>("trigger_line_name", &T::trigger_line_name, "", "gpio only: that line's name, in place of its offset.")
            .Allowed("a name as gpioinfo lists it"),
        Count<T>("settle_us", &T::settle, "us", "From the pulse's start to the exposure's."),
-       Count<T>("max_on_ms", &T::max_on, "ms", "The projector is never lit longer than this."),
+       Count<T>(
+           "max_on_ms", &T::max_on, "ms",
+           "The projector is never lit longer than this. With a camera that runs free it is lit as long, and a whole "
+           "exposure has to fall inside: three frame intervals of a USB camera, e.g. 100 at 30 frames/s."),
        Value<T>("max_duty_percent", &T::max_duty_percent, "%",
                 "gpio only: nor for a greater share of any ten seconds.")},
       [](const T& options) { return Faults(options); }};
@@ -130,7 +138,7 @@ const Section<RigOptions>& RigSection() {
                 "cameras, else 0."),
        Value<T>("exposure_brackets", &T::exposure_brackets, "",
                 "Most shorter exposures, each a quarter of the one before, that are added while a picture saturates. "
-                "Unset: 2 with aravis or v4l2 cameras, else 0."),
+                "Unset: 2 with aravis or v4l2 cameras whose exposure can be set, else 0."),
        InlineTable<T>("left", &T::left, CameraSection(), "The left camera.").Required(),
        InlineTable<T>("right", &T::right, CameraSection(), "The right camera.").Required(),
        InlineTable<T>("projector", &T::projector, ProjectorSection(), "The speckle projector. Unset: none."),

@@ -24,8 +24,9 @@ constexpr double kLongestExposure_us = 1e6;
 }  // namespace
 
 TriggerMode TriggerOf(const CameraOptions& camera, const ProjectorOptions& projector) {
-  const bool gpio = projector.driver == ProjectorDriver::kGpio;
-  return camera.trigger.value_or(gpio ? TriggerMode::kLine0 : TriggerMode::kSoftware);
+  if (camera.trigger) return *camera.trigger;
+  if (projector.driver == ProjectorDriver::kGpio) return TriggerMode::kLine0;
+  return camera.driver == CameraDriver::kV4l2 ? TriggerMode::kFree : TriggerMode::kSoftware;
 }
 
 bool IsDevice(const CameraOptions& camera) {

@@ -24,7 +24,7 @@ struct CameraOptions {
   std::string id;  ///< serial, MAC or IP; /dev/v4l/by-path/…; empty for replay and sim
   double exposure_us = 8000;
   double gain_db = 0;
-  std::optional<TriggerMode> trigger;        ///< empty: line0 with a GPIO projector, else software
+  std::optional<TriggerMode> trigger;        ///< empty: see TriggerOf
   std::vector<std::filesystem::path> files;  ///< replay only, used in turn, round and round
   std::string pixel_format;                  ///< GenICam or four-character V4L2 name; empty: the driver's choice
   std::vector<int> roi_px;                   ///< x, y, width, height; empty: the calibration's size from (0, 0)
@@ -87,7 +87,8 @@ struct RigOptions {
   SimOptions sim;
 };
 
-/// What starts the camera's exposures: its own `trigger`, else line0 with a GPIO projector, else software.
+/// What starts the camera's exposures: its own `trigger`, else line0 with a GPIO projector, else software (a V4L2 node,
+/// which knows none: free).
 [[nodiscard]] TriggerMode TriggerOf(const CameraOptions& camera, const ProjectorOptions& projector);
 /// A camera that is there in the flesh: aravis or v4l2.
 [[nodiscard]] bool IsDevice(const CameraOptions& camera);

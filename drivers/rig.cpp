@@ -73,6 +73,7 @@ CaptureOptions CaptureOptionsOf(const RigOptions& options) {
   capture.ambient = options.ambient;
   capture.warmup_pairs = WarmupPairs(options);
   capture.exposure_brackets = ExposureBrackets(options);
+  capture.brackets_asked_for = options.exposure_brackets.value_or(0) > 0;
   return capture;
 }
 
@@ -134,7 +135,7 @@ Rig::Bracketed Rig::TakeBrackets(Light light, int least, int most) {
   Bracketed result;
   double divisor = 1;
   for (int taken = 0;; ++taken, divisor *= kBracketRatio) {
-    if (options_.exposure_brackets > 0) SetExposures(divisor);
+    if (options_.exposure_brackets > 0 && !SetExposures(divisor)) options_.exposure_brackets = least = most = 0;
     FramePair next = TakePair(light);
     if (taken == 0) result.pair = next;
     const double saturated = std::max(SaturatedShare(next.left), SaturatedShare(next.right));
@@ -292,13 +293,15 @@ std::optional<microseconds> Rig::SkewOf(const FramePair& pair, const std::option
   return std::chrono::ceil<microseconds>(std::chrono::abs((*now[0] - *then[0]) - (*now[1] - *then[1])));
 }
 
-void Rig::SetExposures(double divisor) {
+bool Rig::SetExposures(double divisor) {
   for (std::size_t side = 0; side < 2; ++side) {
-    if (!cameras_.at(side)->SetExposure(options_.exposure_us.at(side) / divisor)) {
-      throw DeviceError(Reason::kSettingRefused, cameras_.at(side)->Id(), "set the exposure",
-                        "exposure_brackets: must be 0 for this camera, its exposure cannot be set");
-    }
+    Camera& camera = *cameras_.at(side);
+    if (camera.SetExposure(options_.exposure_us.at(side) / divisor)) continue;
+    if (!options_.brackets_asked_for) return false;
+    throw DeviceError(Reason::kSettingRefused, camera.Id(), "set the exposure",
+                      "exposure_brackets: must be 0 for this camera, its exposure cannot be set");
   }
+  return true;
 }
 
 std::string Rig::PairName() const { return cameras_[0]->Id() + " and " + cameras_[1]->Id(); }

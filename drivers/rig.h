@@ -36,6 +36,7 @@ struct CaptureOptions {
   bool ambient = false;
   int warmup_pairs = 0;
   int exposure_brackets = 0;
+  bool brackets_asked_for = false;  ///< a camera whose exposure cannot be set is an error, and not left as it is
 };
 
 /// What a rig's configuration says of taking pairs.
@@ -110,7 +111,7 @@ class Rig {
   void CheckCounters(const PairMarks& before);
   [[nodiscard]] std::optional<std::chrono::microseconds> SkewOf(const FramePair& pair,
                                                                 const std::optional<PairMarks>& before) const;
-  void SetExposures(double divisor);
+  [[nodiscard]] bool SetExposures(double divisor);
   [[nodiscard]] std::string PairName() const;
 
   std::array<std::unique_ptr<Camera>, 2> cameras_;  // left, right

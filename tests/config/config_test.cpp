@@ -97,6 +97,26 @@ TEST(ParseConfig, TakesAnInlineTableAsATableOfItsOwnToo) {
   EXPECT_EQ(rig.right.id, "x");
 }
 
+TEST(ParseConfig, KeepsFeaturesInTheOrderOfTheFileAndPrintsThemSo) {
+  const auto text =
+      Changed("gain_db = 0 }", "gain_db = 0, features = { Zoom = 2, Auto = false, Level = 1.5, Mode = \"On\" } }");
+  const std::vector<Feature> wanted{
+      {"Zoom", std::int64_t{2}}, {"Auto", false}, {"Level", 1.5}, {"Mode", std::string("On")}};
+  const Config config = ParseConfig(text, "/etc/granaryd/granaryd.toml");
+  EXPECT_EQ(config.bins.at(0).rigs.at(0).left.features, wanted);
+  const Config again = ParseConfig(PrintConfig(config), "/etc/granaryd/granaryd.toml");
+  EXPECT_EQ(again.bins.at(0).rigs.at(0).left.features, wanted);
+}
+
+TEST(ParseConfig, TakesFeaturesUnderAHeaderToo) {
+  const std::string extra = "[bin.rig.left.features]\nZoom = 2\nAuto = true\n";
+  const auto text =
+      Changed("left  = { driver = \"aravis\", id = \"Vendor-Serial\", exposure_us = 8000, gain_db = 0 }\n", "");
+  const Config config = ParseConfig(text + "[bin.rig.left]\ndriver = \"aravis\"\nid = \"x\"\n" + extra, "bay.toml");
+  const std::vector<Feature> wanted{{"Zoom", std::int64_t{2}}, {"Auto", true}};
+  EXPECT_EQ(config.bins.at(0).rigs.at(0).left.features, wanted);
+}
+
 TEST(ParseConfig, ReadsTheExtraTables) {
   const std::string extra = R"(
 [bin.cycle]

@@ -127,6 +127,71 @@ TEST(FaultsOfRig, RefusesANamelessRig) {
   EXPECT_THAT(Faults(options), ElementsAre(StartsWith("name: ")));
 }
 
+TEST(TriggerOf, IsTheLineUnderAGpioProjectorAndElseWhatTheCameraCan) {
+  CameraOptions aravis, v4l2;
+  aravis.driver = CameraDriver::kAravis;
+  v4l2.driver = CameraDriver::kV4l2;
+  ProjectorOptions gpio;
+  gpio.driver = ProjectorDriver::kGpio;
+  EXPECT_EQ(TriggerOf(aravis, gpio), TriggerMode::kLine0);
+  EXPECT_EQ(TriggerOf(v4l2, gpio), TriggerMode::kLine0);
+  EXPECT_EQ(TriggerOf(aravis, {}), TriggerMode::kSoftware);
+  EXPECT_EQ(TriggerOf(v4l2, {}), TriggerMode::kFree);
+  v4l2.trigger = TriggerMode::kLine0;
+  EXPECT_EQ(TriggerOf(v4l2, {}), TriggerMode::kLine0);
+}
+
+TEST(PulseWidth, LastsAsLongAsItMayForACameraThatRunsFree) {
+  RigOptions options;
+  options.left.driver = options.right.driver = CameraDriver::kV4l2;
+  options.right.trigger = TriggerMode::kFree;
+  options.projector.driver = ProjectorDriver::kGpio;
+  EXPECT_EQ(PulseWidth(options), std::chrono::milliseconds(50));
+}
+
+TEST(FaultsOfRig, RefusesADarkPairWhereOneLineLightsAndTriggers) {
+  RigOptions options;
+  options.left.driver = options.right.driver = CameraDriver::kAravis;
+  options.left.id = options.right.id = "Vendor-1";
+  options.projector.driver = ProjectorDriver::kGpio;
+  options.projector.chip = "gpiochip0";
+  options.ambient = true;
+  EXPECT_THAT(Faults(options), ElementsAre(StartsWith("ambient: ")));
+  options.projector.trigger_line = 5;
+  EXPECT_THAT(Faults(options), IsEmpty());
+}
+
+TEST(FaultsOfRig, RefusesBracketsAndDarkPairsOfFiles) {
+  RigOptions options;
+  options.left.driver = options.right.driver = CameraDriver::kReplay;
+  options.left.files = options.right.files = {"a.png"};
+  options.ambient = true;
+  options.exposure_brackets = 1;
+  options.warmup_pairs = 21;
+  EXPECT_THAT(Faults(options),
+              ElementsAre(StartsWith("warmup_pairs: "), StartsWith("exposure_brackets: "), StartsWith("ambient: ")));
+}
+
+TEST(FaultsOfCamera, RefusesWhatOnlyOtherDriversHave) {
+  CameraOptions options;  // sim
+  options.features = {{"BlackLevel", 2.0}};
+  options.ptp = true;
+  options.roi_px = {0, 0, 0, 10};
+  options.packet_size = 100;
+  options.packet_delay_ns = -1;
+  options.socket_buffer_kib = 1;
+  EXPECT_THAT(Faults(options),
+              ElementsAre(StartsWith("roi_px: "), StartsWith("packet_size: "), StartsWith("packet_delay_ns: "),
+                          StartsWith("socket_buffer_kib: "), StartsWith("features: "), StartsWith("ptp: ")));
+}
+
+TEST(FaultsOfProjector, RefusesOneLineForBothAndNoDuty) {
+  ProjectorOptions options;
+  options.line = options.trigger_line = 3;
+  options.max_duty_percent = 0;
+  EXPECT_THAT(Faults(options), ElementsAre(StartsWith("max_duty_percent: "), StartsWith("trigger_line: ")));
+}
+
 TEST(PulseWidth, CoversTheSettlingAndTheLongerExposure) {
   RigOptions options;
   options.left.exposure_us = 5000;

@@ -585,9 +585,20 @@ TEST(ExposureBrackets, OfTheDarkPairAreThoseOfTheLitOneWhenFewerAreNeededFromNow
   EXPECT_EQ(pair.ambient_left->bit_depth, 10);
 }
 
-TEST(ExposureBrackets, NeedACameraWhoseExposureCanBeSet) {
+TEST(ExposureBrackets, AreLeftOutWhereTheExposureCannotBeSetAndNobodyAsked) {
+  Bench bench;
+  bench.options.exposure_brackets = 2;
+  bench.AddFrames(1, 1);
+  for (auto* camera : {bench.left.get(), bench.right.get()}) camera->frames.back().image.setTo(255);
+  Rig rig = bench.MakeRig();
+  EXPECT_EQ(rig.CapturePair().left.bit_depth, 8);
+  EXPECT_EQ(bench.lamp->pulses, 1);
+}
+
+TEST(ExposureBrackets, NeedACameraWhoseExposureCanBeSetWhereAskedFor) {
   Bench bench;
   bench.options.exposure_brackets = 1;
+  bench.options.brackets_asked_for = true;
   bench.AddFrames(1, 1);
   Rig rig = bench.MakeRig();
   EXPECT_EQ(ReasonOf(rig), Reason::kSettingRefused);
