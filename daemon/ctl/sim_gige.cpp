@@ -81,7 +81,7 @@ void Obey(const std::string& line, SimGige& cameras) {
   } else if (is("lamp", 2) && (words[1] == "on" || words[1] == "off")) {
     cameras.SetLamp(words[1] == "on");
   } else {
-    throw UsageError("'" + line + "' is no command. " + kCommands);
+    throw UsageError("'" + line + "' is no command; granary-sim-gige --help lists them");
   }
 }
 
