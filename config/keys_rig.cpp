@@ -19,15 +19,18 @@ const Section<CameraOptions>& CameraSection() {
        Value<T>("exposure_us", &T::exposure_us, "us",
                 "Exposure time. v4l2: within 1 % of a step of the node, usually 100 us; nodes without the control keep "
                 "their own."),
-       Value<T>("gain_db", &T::gain_db, "dB",
-                "Analogue gain. v4l2: 0, which sets the node's least; its steps have no unit, see features."),
+       Value<T>(
+           "gain_db", &T::gain_db, "dB",
+           "Analogue gain. 0 is the least there is. v4l2, and GenICam cameras without a Gain in decibels, count in "
+           "steps of their own: leave it at 0 and set those in features."),
        Choice<T>(
            "trigger", &T::trigger,
            std::vector<std::pair<std::string, TriggerMode>>{
                {"line0", TriggerMode::kLine0}, {"software", TriggerMode::kSoftware}, {"free", TriggerMode::kFree}},
-           "What starts an exposure; free: the camera runs by itself, and a frame counts when its whole exposure lay "
-           "in the "
-           "projector's pulse. Unset: line0 with a GPIO projector, else software (aravis) or free (v4l2)."),
+           "What starts an exposure. line0: the camera's trigger input (aravis: one of another name is given as "
+           "TriggerSource in features). free: the camera runs by itself, and a frame counts when its whole exposure "
+           "lay "
+           "in the projector's pulse. Unset: line0 with a GPIO projector, else software (aravis) or free (v4l2)."),
        Value<T>("files", &T::files, "", "replay only, and needed there: frames, used in turn, round and round.")
            .Allowed("pictures (PNG, TIFF, PGM); as many left as right")
            .OmitEmpty(),
