@@ -32,9 +32,10 @@ fi
 
 missing=()
 for package in "${packages[@]}"; do
-  # Removed packages that left their configuration behind are known to dpkg but not installed.
-  state=$(dpkg-query -W -f='${db:Status-Status}' "$package" 2>/dev/null || true)
-  [[ $state == installed ]] || missing+=("$package")
+  # Removed packages that left their configuration behind are known to dpkg but not installed; of one that is there for
+  # several architectures there are several lines.
+  states=$(dpkg-query -W -f='${db:Status-Status}\n' "$package" 2>/dev/null || true)
+  grep -qx installed <<<"$states" || missing+=("$package")
 done
 [[ ${#missing[@]} -gt 0 ]] || exit 0
 
