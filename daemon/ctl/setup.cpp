@@ -5,10 +5,14 @@
 #include <chrono>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <utility>
+#include <vector>
 
 #include "daemon/ctl/stop_signals.h"
 #include "daemon/store.h"
+#include "drivers/errors.h"
+#include "drivers/rig.h"
 #include "pipeline/calibration_file.h"
 #include "pipeline/frame_file.h"
 #include "pipeline/reference_file.h"
@@ -47,6 +51,43 @@ std::vector<RigOptions> PickRigs(const BinConfig& bin, const std::string& name) 
                      Listed(bin.rigs, [](const RigOptions& rig) { return rig.name; }));
   }
   return {*found};
+}
+
+/// True for what may be over a moment later, without anybody doing anything about it.
+bool IsFleeting(Reason reason) {
+  return reason == Reason::kFrameMissing || reason == Reason::kFrameInvalid || reason == Reason::kSkewTooLarge ||
+         reason == Reason::kStrayTrigger;
+}
+
+/// What `capture` gives, with the attempts that the daemon has, too. It opens its rigs itself: one in trouble is not
+/// used again.
+template <typename Capture>
+auto WithRetries(const CycleOptions& cycle, Capture&& capture) {
+  for (int attempt = 1;; ++attempt) {
+    try {
+      return capture();
+    } catch (const DeviceError& error) {
+      if (attempt >= cycle.attempts || !IsFleeting(error.reason())) throw;
+      Say(std::string(InfoOf(error.reason()).name) + ": " + error.what() + "; trying again");
+    }
+    std::this_thread::sleep_for(cycle.retry_delay);
+  }
+}
+
+/// One shot after the other from rigs that are opened once: what comes between two shots should be as short as it can
+/// be.
+std::vector<Shot> CaptureShots(const ChosenBin& bin) {
+  std::vector<Rig> rigs;
+  for (const ChosenRig& rig : bin.rigs) rigs.push_back(OpenRig(rig.options, WorldOf(bin, rig)));
+  std::vector<Shot> shots;
+  for (int k = 0; k < bin.config.shots; ++k) {
+    Shot& shot = shots.emplace_back();
+    for (Rig& rig : rigs) {
+      const CaptureGuard guard;
+      shot.push_back(rig.CapturePair());
+    }
+  }
+  return shots;
 }
 
 std::string Rigs(std::size_t count) { return std::to_string(count) + (count == 1 ? " rig" : " rigs"); }
@@ -126,30 +167,22 @@ std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files) {
     return shots;
   }
   if (!files.ambient.empty()) throw UsageError("--ambient goes with --frames");
-  // Opened once: what comes between two shots should be as short as it can be.
-  std::vector<Rig> rigs;
   for (const ChosenRig& rig : bin.rigs) {
     Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing " +
         (bin.config.shots == 1 ? "a pair" : std::to_string(bin.config.shots) + " pairs") +
         (rig.Simulated() ? " (simulated)" : ""));
-    rigs.push_back(OpenRig(rig.options, WorldOf(bin, rig)));
   }
-  for (int k = 0; k < bin.config.shots; ++k) {
-    Shot& shot = shots.emplace_back();
-    for (Rig& rig : rigs) {
-      const CaptureGuard guard;
-      shot.push_back(rig.CapturePair());
-    }
-  }
-  return shots;
+  return WithRetries(bin.config.cycle, [&] { return CaptureShots(bin); });
 }
 
 FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin) {
   Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name + ": capturing a pair" +
       (rig.Simulated() ? empty_bin ? " (simulated, the bin without grain)" : " (simulated)" : ""));
-  Rig opened = OpenRig(rig.options, WorldOf(bin, rig, empty_bin));
-  const CaptureGuard guard;
-  return opened.CapturePair();
+  return WithRetries(bin.config.cycle, [&] {
+    Rig opened = OpenRig(rig.options, WorldOf(bin, rig, empty_bin));
+    const CaptureGuard guard;
+    return opened.CapturePair();
+  });
 }
 
 std::filesystem::path ReferenceFolderOf(const ChosenBin& bin, const ChosenRig& rig) {

@@ -52,11 +52,12 @@ struct FrameFiles {
 [[nodiscard]] Shot LoadShot(const ChosenBin& bin, const FrameFiles& files);
 
 /// The shots of one measurement: as many as the files make (each a pair for each rig, shot after shot), else as many as
-/// the configuration wants from the cameras.
+/// the configuration wants from the cameras. A capture that fails for the moment is tried again as the daemon does.
 /// @throws UsageError when the files do not fit the rigs; FileError, DeviceError
 [[nodiscard]] std::vector<Shot> TakeShots(const ChosenBin& bin, const FrameFiles& files);
 
-/// One pair from the rig's own cameras. @param empty_bin a simulated rig shows the bin without grain
+/// One pair from the rig's own cameras, with the daemon's attempts. @param empty_bin a simulated rig shows the bin
+/// without grain
 [[nodiscard]] FramePair CapturePair(const ChosenBin& bin, const ChosenRig& rig, bool empty_bin);
 
 /// Where the rig's reference is stored.
