@@ -26,23 +26,27 @@
 
 namespace granary {
 
+std::string MeterHeader() {
+  return "pairs/s skew us pulse us contrast %    grey %      full %   lost  odd  deg C\n"
+         "                         left right  left right left right  l  r";
+}
+
 std::string MeterLine(const MeterReading& reading) {
-  std::array<char, 200> text{};
-  const auto number = [&](const std::optional<double>& value, const char* format) -> std::string {
-    if (!value) return "-";
-    std::snprintf(text.data(), text.size(), format, *value);
+  const auto number = [](const std::optional<double>& value, int width, int decimals) -> std::string {
+    std::array<char, 32> text{};
+    std::snprintf(text.data(), text.size(), "%*s", width, "-");
+    if (value) std::snprintf(text.data(), text.size(), "%*.*f", width, decimals, *value);
     return text.data();
   };
-  const auto sides = [&](double PictureQuality::*figure) {
-    std::snprintf(text.data(), text.size(), "%5.1f %5.1f %%", 100 * reading.left.*figure, 100 * reading.right.*figure);
-    return std::string(text.data());
+  const auto percent = [&](double PictureQuality::*figure, int width) {
+    return number(100 * reading.left.*figure, width, 1) + number(100 * reading.right.*figure, 6, 1);
   };
-  return number(reading.pairs_per_s, "%.1f") + " pairs/s  skew " + number(reading.skew_us, "%.0f") + " us  pulse " +
-         number(reading.pulse_us, "%.0f") + " us  left right: contrast " + sides(&PictureQuality::speckle_contrast) +
-         "  grey " + sides(&PictureQuality::mean_fraction) + "  saturated " +
-         sides(&PictureQuality::saturated_fraction) + "  " + number(reading.temperature_c, "%.1f") + " C  missed " +
-         std::to_string(reading.counters.missed_frames[0]) + " " + std::to_string(reading.counters.missed_frames[1]) +
-         "  mismatched " + std::to_string(reading.counters.mismatched);
+  const auto count = [&](std::uint64_t value, int width) { return number(static_cast<double>(value), width, 0); };
+  return number(reading.pairs_per_s, 7, 1) + number(reading.skew_us, 8, 0) + number(reading.pulse_us, 9, 0) +
+         percent(&PictureQuality::speckle_contrast, 5) + percent(&PictureQuality::mean_fraction, 6) +
+         percent(&PictureQuality::saturated_fraction, 5) + count(reading.counters.missed_frames[0], 3) +
+         count(reading.counters.missed_frames[1], 3) + count(reading.counters.mismatched, 5) +
+         number(reading.temperature_c, 7, 1);
 }
 
 namespace {
@@ -132,6 +136,7 @@ int Meter(const GlobalOptions& global, const MeterArguments& arguments) {
   Say("bin " + std::to_string(bin.config.bin.id) + ", rig " + chosen.options.name +
       (chosen.Simulated() ? " (simulated)" : "") + ": a pair every " +
       std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(pause).count()) + " ms, Ctrl-C ends it");
+  Say(MeterHeader());
 
   LiveLine out;
   std::optional<Rig> rig;

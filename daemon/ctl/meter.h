@@ -15,7 +15,9 @@ struct MeterReading {
   RigCounters counters;  ///< since the meter was started
 };
 
-/// One line; what is unknown is a dash.
+/// What the columns of MeterLine are, in two lines.
+[[nodiscard]] std::string MeterHeader();
+/// One line of at most 80 characters; what is unknown is a dash.
 [[nodiscard]] std::string MeterLine(const MeterReading& reading);
 
 }  // namespace granary
