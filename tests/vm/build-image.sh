@@ -90,9 +90,12 @@ sed -i 's/handle_simple_irq(irq_to_desc(irqnum))/generic_handle_domain_irq(work_
         /irqnum = irq_find_mapping/d; /^\tint irqnum;$/d; /^EXPORT_SYMBOL_GPL/d' gpio-sim/irq_sim.c
 printf 'obj-m := gpio-sim.o\ngpio-sim-y := main.o irq_sim.o\n' >gpio-sim/Kbuild
 loopback=$(echo kernel/usr/src/v4l2loopback-*)
-# It stamps frames by the monotonic clock and does not say so, which a camera that runs free has to.
-sed -i 's/b->flags = 0;/b->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;/' "$loopback/v4l2loopback.c"
+# It stamps frames by the monotonic clock and does not say so, which a camera that runs free has to; and it skips to the
+# newest frame when its reader is two behind, where a camera keeps as many as there are buffers.
+sed -i 's/b->flags = 0;/b->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;/
+        s/opener->read_position + 2)/opener->read_position + dev->used_buffers - 1)/' "$loopback/v4l2loopback.c"
 grep -q 'b->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;' "$loopback/v4l2loopback.c"
+grep -q 'opener->read_position + dev->used_buffers - 1)' "$loopback/v4l2loopback.c"
 for source in gpio-sim "$loopback"; do
   make -s -C "$headers" M="$work/$source" modules >"${source##*/}.log" 2>&1 || {
     cat "${source##*/}.log" >&2

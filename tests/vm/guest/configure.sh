@@ -26,6 +26,6 @@ warmup_pairs = 0
 exposure_brackets = 0
 left = { driver = "v4l2", id = "/dev/video40", trigger = "$1", pixel_format = "GREY", exposure_us = 100000 }
 right = { driver = "v4l2", id = "$2", trigger = "$3", pixel_format = "GREY", exposure_us = 100000 }
-projector = { driver = "gpio", chip = "granary-rig", line = 3, settle_us = 20000, max_on_ms = 350, max_duty_percent = 100 }
+projector = { driver = "gpio", chip = "granary-rig", line = 3, settle_us = 20000, max_on_ms = 300, max_duty_percent = 100 }
 END
 }
