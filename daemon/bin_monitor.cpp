@@ -15,7 +15,9 @@
 namespace granary {
 namespace {
 
-std::string NameOf(const Bin& bin) { return fmt::format("bin {} {}", bin.id, bin.name); }
+std::string NameOf(const Bin& bin) {
+  return bin.name.empty() ? fmt::format("bin {}", bin.id) : fmt::format("bin {} {}", bin.id, bin.name);
+}
 
 /// Volume with its uncertainty, both to the digits that the uncertainty leaves meaningful.
 std::string VolumeText(const Measurement& m) {

@@ -72,6 +72,8 @@ std::vector<std::string> Faults(const CameraOptions& options) {
                  "packet_delay_ns: must be 0 to 100000000");
   faults.Require(options.socket_buffer_kib >= 64 && options.socket_buffer_kib <= 1'048'576,
                  "socket_buffer_kib: must be 64 to 1048576");
+  faults.Require(options.driver != CameraDriver::kV4l2 || options.trigger != TriggerMode::kSoftware,
+                 "trigger: must be line0 or free when driver = \"v4l2\", a node knows no command for it");
   faults.Require(IsDevice(options) || options.features.empty(),
                  "features: must be absent unless driver = \"aravis\" or \"v4l2\"");
   faults.Require(!options.ptp || options.driver == CameraDriver::kAravis,
@@ -118,6 +120,9 @@ std::vector<std::string> Faults(const RigOptions& options) {
 
   const bool left_sim = options.left.driver == CameraDriver::kSim;
   const bool right_sim = options.right.driver == CameraDriver::kSim;
+  faults.Require(!IsDevice(options.left) || options.left.driver != options.right.driver || options.left.id.empty() ||
+                     options.left.id != options.right.id,
+                 "right.id: is the left camera's; must be another one");
   faults.Require(left_sim == right_sim, "right.driver: \"sim\" must be both cameras' driver or neither's");
   faults.Require(options.projector.driver != ProjectorDriver::kSim || (left_sim && right_sim),
                  "projector.driver: \"sim\" lights simulated cameras only; must be gpio or none");

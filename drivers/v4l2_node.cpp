@@ -69,7 +69,7 @@ V4l2Node::~V4l2Node() { system_.Close(fd_); }
 
 void V4l2Node::CheckCapabilities() {
   v4l2_capability capability{};
-  Do(VIDIOC_QUERYCAP, &capability, "ask what it can do");
+  Do(VIDIOC_QUERYCAP, &capability, "ask whether it is a V4L2 node");
   driver_ = Text(capability.driver);
   card_ = Text(capability.card);
   bus_ = Text(capability.bus_info);

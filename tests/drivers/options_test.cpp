@@ -115,6 +115,23 @@ TEST(FaultsOfRig, RefusesAnExposureLongerThanTheProjectorMayBeLit) {
   EXPECT_THAT(Faults(options), ElementsAre(StartsWith("projector.max_on_ms: ")));
 }
 
+TEST(FaultsOfRig, RefusesOneCameraOnBothSides) {
+  RigOptions options;
+  options.left.driver = options.right.driver = CameraDriver::kV4l2;
+  options.left.id = options.right.id = "/dev/video0";
+  EXPECT_THAT(Faults(options), ElementsAre(StartsWith("right.id: ")));
+  options.right.id = "/dev/video2";
+  EXPECT_THAT(Faults(options), IsEmpty());
+}
+
+TEST(FaultsOfCamera, RefusesASoftwareTriggerOfAV4l2Node) {
+  CameraOptions options;
+  options.driver = CameraDriver::kV4l2;
+  options.id = "/dev/video0";
+  options.trigger = TriggerMode::kSoftware;
+  EXPECT_THAT(Faults(options), ElementsAre(StartsWith("trigger: ")));
+}
+
 TEST(FaultsOfRig, RefusesANegativeSkew) {
   RigOptions options;
   options.max_skew = std::chrono::microseconds(-1);
@@ -152,7 +169,8 @@ TEST(PulseWidth, LastsAsLongAsItMayForACameraThatRunsFree) {
 TEST(FaultsOfRig, RefusesADarkPairWhereOneLineLightsAndTriggers) {
   RigOptions options;
   options.left.driver = options.right.driver = CameraDriver::kAravis;
-  options.left.id = options.right.id = "Vendor-1";
+  options.left.id = "Vendor-1";
+  options.right.id = "Vendor-2";
   options.projector.driver = ProjectorDriver::kGpio;
   options.projector.chip = "gpiochip0";
   options.ambient = true;

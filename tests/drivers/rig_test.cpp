@@ -12,6 +12,7 @@
 namespace granary {
 namespace {
 
+using std::chrono::microseconds;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
