@@ -110,7 +110,8 @@ step "modules built"
 mkdir -p initrd.d/{bin,modules,dev,proc,root}
 cp kernel/bin/busybox initrd.d/bin/
 number=100
-for module in $(files_of virtio_pci virtio_blk crc32c_generic ext4); do
+# 9pnet_virtio as well: loaded by the mount itself, it may look for the host's folder before its device is there.
+for module in $(files_of virtio_pci virtio_blk 9pnet_virtio crc32c_generic ext4); do
   cp "$module" "initrd.d/modules/$((number++))-${module##*/}"
 done
 cat >initrd.d/init <<'END'
