@@ -20,4 +20,10 @@ class DeviceError : public std::runtime_error {
   Reason reason_;
 };
 
+/// True for what may be over a moment later without anybody doing anything about it: a frame lost, late or spoilt.
+[[nodiscard]] inline bool IsFleeting(Reason reason) {
+  return reason == Reason::kFrameMissing || reason == Reason::kFrameInvalid || reason == Reason::kSkewTooLarge ||
+         reason == Reason::kStrayTrigger;
+}
+
 }  // namespace granary

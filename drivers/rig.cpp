@@ -56,12 +56,6 @@ std::string Microseconds(std::chrono::nanoseconds duration) {
   return std::to_string(std::chrono::duration_cast<microseconds>(duration).count()) + " us";
 }
 
-/// True for what the first frames after idling may do without anything being broken.
-bool IsWarmupTrouble(Reason reason) {
-  return reason == Reason::kFrameMissing || reason == Reason::kFrameInvalid || reason == Reason::kSkewTooLarge ||
-         reason == Reason::kStrayTrigger;
-}
-
 }  // namespace
 
 CaptureOptions CaptureOptionsOf(const RigOptions& options) {
@@ -124,7 +118,7 @@ void Rig::WarmUp() {
     try {
       (void)TakePair(Light::kLit);
     } catch (const DeviceError& error) {
-      if (!IsWarmupTrouble(error.reason())) throw;
+      if (!IsFleeting(error.reason())) throw;  // what first frames after idling may do with nothing broken
       spdlog::debug("while warming up: {}", error.what());
     }
   }

@@ -49,6 +49,8 @@ void AddSnapshot(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddHistory(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddRegisters(CLI::App& app, const GlobalOptions& global, Command& chosen);
 
+/// Null where it is not known.
+[[nodiscard]] nlohmann::ordered_json OrNull(const std::optional<double>& value);
 /// Standard output, one document; bytes that are no UTF-8 are replaced.
 void PrintJson(const nlohmann::ordered_json& document);
 /// Progress and results for people: one line on standard error.

@@ -60,18 +60,15 @@ struct MeterArguments {
 };
 
 nlohmann::ordered_json ToJson(const MeterReading& reading) {
-  const auto known = [](const std::optional<double>& value) {
-    return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
-  };
   const auto side = [](const PictureQuality& quality) {
     return nlohmann::ordered_json{{"speckle_contrast", quality.speckle_contrast},
                                   {"mean_fraction", quality.mean_fraction},
                                   {"saturated_fraction", quality.saturated_fraction}};
   };
-  return {{"pairs_per_s", known(reading.pairs_per_s)},
-          {"skew_us", known(reading.skew_us)},
-          {"pulse_us", known(reading.pulse_us)},
-          {"temperature_c", known(reading.temperature_c)},
+  return {{"pairs_per_s", OrNull(reading.pairs_per_s)},
+          {"skew_us", OrNull(reading.skew_us)},
+          {"pulse_us", OrNull(reading.pulse_us)},
+          {"temperature_c", OrNull(reading.temperature_c)},
           {"left", side(reading.left)},
           {"right", side(reading.right)},
           {"missed_left", reading.counters.missed_frames[0]},

@@ -53,12 +53,6 @@ std::vector<RigOptions> PickRigs(const BinConfig& bin, const std::string& name) 
   return {*found};
 }
 
-/// True for what may be over a moment later, without anybody doing anything about it.
-bool IsFleeting(Reason reason) {
-  return reason == Reason::kFrameMissing || reason == Reason::kFrameInvalid || reason == Reason::kSkewTooLarge ||
-         reason == Reason::kStrayTrigger;
-}
-
 /// What `capture` gives, with the attempts that the daemon has, too. It opens its rigs itself: one in trouble is not
 /// used again.
 template <typename Capture>

@@ -25,11 +25,10 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include "config/config.h"
 #include "daemon/ctl/command.h"
+#include "daemon/ctl/setup.h"
 #include "daemon/modbus/socket.h"
 #include "drivers/sim/gige.h"
-#include "pipeline/calibration_file.h"
 
 namespace granary {
 namespace {
@@ -117,29 +116,16 @@ void Serve(SimGige& cameras, const FileDescriptor& signals) {
   }
 }
 
-/// Of `all`, the one that `is_wanted`, or the only one where none is named.
-template <typename T, typename IsWanted>
-const T& Pick(const std::vector<T>& all, bool named, const IsWanted& is_wanted, const std::string& option) {
-  if (!named && all.size() != 1) throw UsageError(option + " is needed: there are several");
-  const auto found = named ? std::find_if(all.begin(), all.end(), is_wanted) : all.begin();
-  if (found == all.end()) throw UsageError(option + ": there is none of that name");
-  return *found;
-}
-
 int Run(const GlobalOptions& global, const Arguments& arguments) {
   const FileDescriptor signals = HoldSignals();
-  const Config config = LoadConfig(global.config);
-  const BinConfig& bin = Pick(
-      config.bins, global.bin.has_value(), [&](const BinConfig& b) { return b.bin.id == *global.bin; }, "--bin");
-  const RigOptions& rig = Pick(
-      bin.rigs, !arguments.rig.empty(), [&](const RigOptions& r) { return r.name == arguments.rig; }, "--rig");
-  const RigWorld world{bin.bin, LoadStereoCalibration(rig.calibration), LoadWorldFromLeft(rig.pose), arguments.empty};
-  const std::string name = "bin " + std::to_string(bin.bin.id) + ", rig " + rig.name;
+  const ChosenBin bin = ChooseBin(global, arguments.rig);
+  const ChosenRig& rig = OnlyRig(bin);
+  const std::string name = "bin " + std::to_string(bin.config.bin.id) + ", rig " + rig.options.name;
   std::unique_ptr<SimGige> cameras;
   try {
-    cameras = std::make_unique<SimGige>(rig.sim, world, arguments.gige);
+    cameras = std::make_unique<SimGige>(rig.options.sim, WorldOf(bin, rig, arguments.empty), arguments.gige);
   } catch (const std::invalid_argument& error) {
-    throw std::runtime_error(global.config.string() + ", " + name + ", " + rig.calibration.string() + ": " +
+    throw std::runtime_error(global.config.string() + ", " + name + ", " + rig.options.calibration.string() + ": " +
                              error.what());
   }
   if (arguments.dark) cameras->SetLamp(false);

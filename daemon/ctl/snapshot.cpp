@@ -21,11 +21,8 @@ struct SnapshotArguments {
   std::string folder;
 };
 
-nlohmann::ordered_json OrNull(const std::optional<std::chrono::microseconds>& duration) {
-  return duration ? nlohmann::ordered_json(duration->count()) : nlohmann::ordered_json();
-}
-nlohmann::ordered_json OrNull(const std::optional<double>& value) {
-  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
+std::optional<double> Count(const std::optional<std::chrono::microseconds>& duration) {
+  return duration ? std::optional(static_cast<double>(duration->count())) : std::nullopt;
 }
 
 int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
@@ -44,8 +41,8 @@ int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
     PrintJson({{"left", (folder / "left.png").string()},
                {"right", (folder / "right.png").string()},
                {"utc", UtcText(pair.left.exposure_start)},
-               {"skew_us", OrNull(pair.skew)},
-               {"pulse_us", OrNull(pair.pulse)},
+               {"skew_us", OrNull(Count(pair.skew))},
+               {"pulse_us", OrNull(Count(pair.pulse))},
                {"ambient", pair.ambient_left.has_value()},
                {"frame_ids", {pair.left.frame_id, pair.right.frame_id}},
                {"temperature_c", {OrNull(pair.left.temperature_c), OrNull(pair.right.temperature_c)}},

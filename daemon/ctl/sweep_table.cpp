@@ -49,8 +49,6 @@ std::string Fixed(double value, int decimals) {
 /// `cell` on the right of a column 12 wide.
 std::string Column(const std::string& cell) { return std::string(cell.size() < 12 ? 12 - cell.size() : 1, ' ') + cell; }
 
-Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); }
-
 std::string CsvCell(const std::optional<double>& value) { return value ? FormatText("%.10g", *value, 0) : ""; }
 
 }  // namespace
