@@ -19,9 +19,7 @@ struct Config {
   std::filesystem::path file;  ///< where it was read from; paths inside are already absolute
   std::string site_name = "granary";
   std::string log_level = "info";  ///< trace | debug | info | warn | error
-  ModbusTcpOptions modbus_tcp;
-  std::optional<ModbusRtuOptions> modbus_rtu;
-  std::optional<ModbusPlcOptions> modbus_plc;
+  ModbusOptions modbus;
   std::vector<BinConfig> bins;
 };
 

@@ -181,6 +181,12 @@ const Section<BinConfig>& BinSection() {
            .Allowed("1 to 20"),
        Table<T>(
            "grain", [](auto& t) -> auto& { return t.bin.grain; }, GrainSection(), "What lies in the bin."),
+       Choice<T>(
+           "book_source", &T::book_source,
+           std::vector<std::pair<std::string, BookSource>>{{"registers", BookSource::kRegisters},
+                                                           {"file", BookSource::kFile}},
+           "Whose book data win: \"registers\", what a client committed last (registers 920 to 930, or the PLC), "
+           "also after a restart, and the file's until then; \"file\": the file's, and nobody can commit others."),
        Table<T>("inventory", &T::inventory, InventorySection(), "Book data."),
        Table<T>("cycle", &T::cycle, CycleSection(), "Repeats and gates of one measuring cycle."),
        Table<T>(

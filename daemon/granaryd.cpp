@@ -45,7 +45,7 @@ granary::ServicePlan LoadPlan(const std::filesystem::path& file, const std::file
   granary::ServicePlan plan;
   plan.site_name = config.site_name;
   plan.log_level = config.log_level;
-  plan.modbus_tcp = config.modbus_tcp;
+  plan.modbus = config.modbus;
   plan.assemble = [config = std::move(config), state_folder] {
     const std::string text = granary::PrintConfig(config);
     std::vector<granary::BinSetup> setups;

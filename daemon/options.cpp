@@ -139,28 +139,62 @@ std::vector<std::string> Faults(const ModbusTcpOptions& options) {
   return faults;
 }
 
-std::vector<std::string> Faults(const ModbusRtuOptions& options) {
-  constexpr std::array kBauds{1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200};
-  std::vector<std::string> faults;
-  if (options.device.empty()) faults.emplace_back("device: must be a serial port, e.g. /dev/ttyS1");
-  if (std::find(kBauds.begin(), kBauds.end(), options.baud) == kBauds.end()) {
-    faults.emplace_back("baud: must be 1200, 2400, 4800, 9600, 19200, 38400, 57600 or 115200");
-  }
-  if (options.parity != "none" && options.parity != "even" && options.parity != "odd") {
-    faults.emplace_back("parity: must be none, even or odd");
+std::vector<std::string> Faults(const ModbusTlsOptions& options) {
+  std::vector<std::string> faults = Faults(options.tcp);
+  if (options.certificate.empty()) faults.emplace_back("certificate: must be a PEM file");
+  if (options.key.empty()) faults.emplace_back("key: must be a PEM file");
+  if (options.client_ca.empty()) faults.emplace_back("client_ca: must be a PEM file");
+  if (std::any_of(options.write_roles.begin(), options.write_roles.end(), [](const auto& r) { return r.empty(); })) {
+    faults.emplace_back("write_roles: has an empty role; must be roles as the clients' certificates name them");
   }
   return faults;
 }
 
-std::vector<std::string> Faults(const ModbusPlcOptions& options) {
+std::vector<std::string> Faults(const ModbusRtuOptions& options) {
+  using namespace std::chrono_literals;
+  constexpr std::array kBauds{1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200};
   std::vector<std::string> faults;
-  if (!ParseHostPort(options.address)) {
-    faults.emplace_back("address: must be HOST:PORT or [IPV6]:PORT, e.g. 192.168.7.20:502, port 1 to 65535");
-  }
-  if (options.unit < 0 || options.unit > 255) faults.emplace_back("unit: must be 0 to 255");
-  // The summary block's 65 registers must fit below the end of the address space.
-  if (options.base < 0 || options.base > 65536 - 65) faults.emplace_back("base: must be 0 to 65471");
+  const auto require = [&](bool ok, const char* words) {
+    if (!ok) faults.emplace_back(words);
+  };
+  require(!options.device.empty(), "device: must be a serial port, e.g. /dev/ttyS1");
+  require(std::find(kBauds.begin(), kBauds.end(), options.baud) != kBauds.end(),
+          "baud: must be 1200, 2400, 4800, 9600, 19200, 38400, 57600 or 115200");
+  require(options.parity == "none" || options.parity == "even" || options.parity == "odd",
+          "parity: must be none, even or odd");
+  require(std::all_of(options.units.begin(), options.units.end(), [](int unit) { return unit >= 1 && unit <= 247; }),
+          "units: must be ids of bins, 1 to 247");
+  require(options.rts_before >= 0ms && options.rts_before <= 100ms, "rts_before: must be \"0ms\" to \"100ms\"");
+  require(options.rts_after >= 0ms && options.rts_after <= 100ms, "rts_after: must be \"0ms\" to \"100ms\"");
   return faults;
+}
+
+std::vector<std::string> Faults(const ModbusPlcOptions& options) {
+  using namespace std::chrono_literals;
+  constexpr int kAddresses = 65536;
+  constexpr int kSummaryWords = 65;
+  std::vector<std::string> faults;
+  const auto require = [&](bool ok, const char* words) {
+    if (!ok) faults.emplace_back(words);
+  };
+  require(ParseHostPort(options.address).has_value(),
+          "address: must be HOST:PORT or [IPV6]:PORT, e.g. 192.168.7.20:502, port 1 to 65535");
+  require(options.unit >= 0 && options.unit <= 255, "unit: must be 0 to 255");
+  // The summary block's 65 registers must fit below the end of the address space.
+  require(options.base >= 0 && options.base <= kAddresses - kSummaryWords, "base: must be 0 to 65471");
+  require(options.stride >= 1 && options.stride <= 10000, "stride: must be 1 to 10000");
+  require(options.heartbeat >= 1s && options.heartbeat <= 1h, "heartbeat: must be \"1s\" to \"1h\"");
+  require(options.timeout >= 100ms && options.timeout <= 60s, "timeout: must be \"100ms\" to \"60s\"");
+  require(!options.book_base || (*options.book_base >= 0 && *options.book_base <= kAddresses - 4),
+          "book_base: must be 0 to 65532");
+  require(options.book_every >= 1s && options.book_every <= 24h, "book_every: must be \"1s\" to \"24h\"");
+  return faults;
+}
+
+std::vector<std::string> Faults(const ModbusOptions& options) {
+  // Above 2^24 a float32 skips whole numbers.
+  if (options.serial < 0 || options.serial > (1 << 24)) return {"serial: must be 0 to 16777216"};
+  return {};
 }
 
 }  // namespace granary

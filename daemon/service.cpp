@@ -36,6 +36,14 @@ FileDescriptor Checked(int descriptor, const char* operation) {
   return FileDescriptor(descriptor);
 }
 
+/// Until the workers take commands.
+class NoControl : public BinControl {
+ public:
+  bool Ask(int, BinCommand, const std::string&) override { return false; }
+  bool CommitBook(int, const BookData&, const std::string&) override { return false; }
+  bool SetFormat(int, const RegisterFormat&, const std::string&) override { return false; }
+};
+
 bool SameListener(const ModbusTcpOptions& a, const ModbusTcpOptions& b) { return a.host == b.host && a.port == b.port; }
 
 }  // namespace
@@ -49,8 +57,11 @@ void BlockSignals() {
 /// One configuration at work. The order matters: workers end before the server that they publish to.
 struct Service::Running {
   std::string log_level;
-  ModbusTcpOptions modbus_tcp;
+  ModbusOptions modbus;
   FileDescriptor listener;
+  NoControl control;
+  ModbusTally tally;
+  std::unique_ptr<ModbusUnits> units;
   std::unique_ptr<ModbusServer> server;
   std::vector<std::unique_ptr<Worker>> workers;
 
@@ -78,20 +89,22 @@ std::unique_ptr<Service::Running> Service::Build(const Running* before) {
   const ServicePlan plan = options_.load();
   auto next = std::make_unique<Running>();
   next->log_level = plan.log_level;
-  next->modbus_tcp = plan.modbus_tcp;
+  next->modbus = plan.modbus;
   // The address first: it is the quickest to be refused. An address that stays keeps its socket, so that no client
   // meets a closed door between two configurations.
-  next->listener = before != nullptr && SameListener(before->modbus_tcp, plan.modbus_tcp)
+  next->listener = before != nullptr && SameListener(before->modbus.tcp, plan.modbus.tcp)
                        ? Checked(dup(before->listener.Get()), "dup")
-                       : ListenTcp(plan.modbus_tcp.host, plan.modbus_tcp.port);
+                       : ListenTcp(plan.modbus.tcp.host, plan.modbus.tcp.port);
   std::vector<BinSetup> setups = plan.assemble();
   std::vector<Bin> bins;
   for (const auto& setup : setups) bins.push_back(setup.bin);
   ModbusIdentity identity;
   identity.version = options_.version;
   identity.site = plan.site_name;
-  next->server = std::make_unique<ModbusServer>(Checked(dup(next->listener.Get()), "dup"), plan.modbus_tcp,
-                                                std::move(identity), bins);
+  identity.serial = static_cast<std::uint32_t>(plan.modbus.serial);
+  next->units = std::make_unique<ModbusUnits>(std::move(identity), bins, next->control, next->tally);
+  next->server = std::make_unique<ModbusServer>(Checked(dup(next->listener.Get()), "dup"), plan.modbus.tcp,
+                                                *next->units, next->tally);
   const auto wake = [descriptor = wake_.Get()] {
     const std::uint64_t one = 1;
     // Only fails when the counter is full, and then the loop is awake already.
@@ -99,7 +112,7 @@ std::unique_ptr<Service::Running> Service::Build(const Running* before) {
   };
   for (auto& setup : setups) {
     next->workers.push_back(std::make_unique<Worker>(std::move(setup), records_,
-                                                     std::vector<Publisher*>{next->server.get()}, clock_, open_, wake));
+                                                     std::vector<Publisher*>{next->units.get()}, clock_, open_, wake));
   }
   return next;
 }
@@ -111,7 +124,7 @@ void Service::Begin(Running& next, const Running* before) {
     worker->Start(old == nullptr ? std::nullopt : std::optional(old->monitor().Snapshot()), options_.cycles);
   }
   spdlog::info("Modbus TCP on {}, records and references in {}",
-               PrintHostPort({next.modbus_tcp.host, next.server->Port()}), records_.folder().string());
+               PrintHostPort({next.modbus.tcp.host, next.server->Port()}), records_.folder().string());
   for (const auto& worker : next.workers) {
     const BinSetup& setup = worker->monitor().setup();
     spdlog::info("unit {}: {}{}", setup.bin.id, setup.bin.name, setup.simulated ? " (SIMULATED)" : "");
@@ -129,7 +142,7 @@ void Service::BeginReload() {
     auto next = Build(running_.get());
     // Clients that meet the new server while the old workers end see the last figures, not "no measurement yet".
     for (const auto& snapshot : Snapshots()) {
-      if (next->Find(snapshot.bin.id) != nullptr) next->server->Publish(snapshot);
+      if (next->Find(snapshot.bin.id) != nullptr) next->units->Publish(snapshot);
     }
     running_->Stop();
     return next;

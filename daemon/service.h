@@ -24,7 +24,7 @@ void BlockSignals();
 struct ServicePlan {
   std::string site_name;
   std::string log_level = "info";
-  ModbusTcpOptions modbus_tcp;
+  ModbusOptions modbus;
   /// Builds what measures; slow. Throws as AssembleBin does.
   std::function<std::vector<BinSetup>()> assemble;
 };

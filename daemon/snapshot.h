@@ -5,6 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "daemon/control.h"
+#include "daemon/options.h"
 #include "drivers/rig.h"
 #include "pipeline/types/bin.h"
 #include "pipeline/types/measurement.h"
@@ -30,6 +32,11 @@ struct BinSnapshot {
   std::uint16_t heartbeat = 0;           ///< +1 each second while the worker makes progress
   std::optional<UtcTime> next_at;        ///< next scheduled measurement
   std::uint32_t configuration_hash = 0;  ///< configuration + calibration + reference
+  CommandState command;                  ///< handshake of registers 910–912
+  BookState book;                        ///< what the next measurement is compared with
+  RegisterFormat format;                 ///< how clients want registers 0–899 written out
+  bool injected = false;                 ///< `good` and `last` were made up for a loop test; simulated is on, too
+  std::uint32_t restarts = 0;            ///< starts of the daemon, but the first, since its records began
 };
 
 }  // namespace granary

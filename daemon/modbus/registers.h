@@ -9,6 +9,7 @@
 #include <string_view>
 #include <variant>
 
+#include "daemon/modbus/tally.h"
 #include "daemon/snapshot.h"
 #include "pipeline/types/frame.h"
 
@@ -28,16 +29,7 @@ struct ModbusIdentity {
   std::string product = "granaryd";
   std::string version;
   std::string site;
-};
-
-/// What a server has seen since it started; also registers 240–251.
-struct ModbusCounters {
-  std::uint32_t clients = 0;    ///< connected now
-  std::uint32_t requests = 0;   ///< complete requests answered
-  std::uint32_t malformed = 0;  ///< connections closed for what they sent
-  std::uint32_t refused = 0;    ///< connections from addresses that are not allowed
-  std::uint32_t evicted = 0;    ///< connections closed to make room for a new one
-  std::uint32_t timed_out = 0;  ///< connections closed as idle, stalled, or for an unfinished frame
+  std::uint32_t serial = 0;  ///< serial number in the 5708 block, below 2^24
 };
 
 /// Everything that the registers of one unit are made from; borrowed.
@@ -45,7 +37,7 @@ struct RegisterSource {
   const BinSnapshot& snapshot;
   UtcTime now;
   const ModbusIdentity& identity;
-  const ModbusCounters& counters;
+  ModbusCounters counters;
 };
 
 enum class RegisterType : std::uint8_t { kU16, kU32, kF32, kAscii };

@@ -22,8 +22,6 @@
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
-#include "daemon/modbus/answer.h"
-
 namespace granary {
 namespace {
 
@@ -45,14 +43,18 @@ class OncePerMinute {
   int count_ = 0;
 };
 
-std::vector<Network> NetworksOf(const std::vector<std::string>& texts) {
+std::vector<Network> NetworksOf(const std::string& key, const std::vector<std::string>& texts) {
   std::vector<Network> networks;
   for (const auto& text : texts) {
     const auto network = ParseNetwork(text);
-    if (!network) throw std::invalid_argument("allow: \"" + text + "\" is no network; write e.g. \"192.168.7.0/24\"");
+    if (!network) throw std::invalid_argument(key + ": \"" + text + "\" is no network; write e.g. \"192.168.7.0/24\"");
     networks.push_back(*network);
   }
   return networks;
+}
+
+bool AnyContains(const std::vector<Network>& networks, const sockaddr_storage& peer) {
+  return std::any_of(networks.begin(), networks.end(), [&](const Network& network) { return Contains(network, peer); });
 }
 
 void RequireListening(int socket) {
@@ -77,10 +79,13 @@ FileDescriptor Checked(int fd, const char* call) {
 /// What the server's thread owns.
 class ModbusServer::Loop {
  public:
-  Loop(ModbusServer& server, FileDescriptor listener, const ModbusTcpOptions& options, ModbusLimits limits)
-      : server_(server),
+  Loop(FileDescriptor listener, const ModbusTcpOptions& options, ModbusUnits& units, ModbusTally& tally,
+       ModbusLimits limits)
+      : units_(units),
+        tally_(tally),
         listener_(std::move(listener)),
-        allow_(NetworksOf(options.allow)),
+        allow_(NetworksOf("allow", options.allow)),
+        write_allow_(NetworksOf("write_allow", options.write_allow)),
         max_clients_(static_cast<std::size_t>(std::max(1, options.max_clients))),
         limits_(limits),
         epoll_(Checked(epoll_create1(EPOLL_CLOEXEC), "epoll_create1")),
@@ -89,6 +94,10 @@ class ModbusServer::Loop {
     Watch(EPOLL_CTL_ADD, wake_.Get(), EPOLLIN);
     Watch(EPOLL_CTL_ADD, listener_.Get(), EPOLLIN);
   }
+
+  ~Loop() { tally_.clients -= static_cast<std::uint32_t>(clients_.size()); }
+  Loop(const Loop&) = delete;
+  Loop& operator=(const Loop&) = delete;
 
   void Run(const std::stop_token& stop) {
     const std::stop_callback wake(stop, [this] { eventfd_write(wake_.Get(), 1); });
@@ -118,6 +127,7 @@ class ModbusServer::Loop {
  private:
   struct Client {
     Connection connection;
+    bool may_write = false;
     std::uint32_t interest = EPOLLIN;
   };
   using Clients = std::map<int, Client>;
@@ -154,7 +164,7 @@ class ModbusServer::Loop {
     if ((events & EPOLLERR) != 0) return false;
     if ((events & (EPOLLIN | EPOLLHUP)) != 0 && MayReceive(connection) && !connection.Receive()) return false;
     do {
-      if (!AnswerComplete(connection, now)) {
+      if (!AnswerComplete(client, now)) {
         (void)connection.Send(now);  // what it asked before it went wrong is still answered
         return false;
       }
@@ -172,12 +182,13 @@ class ModbusServer::Loop {
   }
 
   /// Answers complete requests for as long as there is room. @return false when the stream is malformed
-  bool AnswerComplete(Connection& connection, SteadyTime now) {
+  bool AnswerComplete(Client& client, SteadyTime now) {
+    Connection& connection = client.connection;
     while (connection.UnsentBytes() < limits_.max_unsent_bytes) {
       const ModbusFrame frame = connection.Next();
       if (frame.state == FrameState::kIncomplete) return true;
       if (frame.state == FrameState::kMalformed) {
-        ++server_.malformed_;
+        ++tally_.malformed;
         if (const auto count = malformed_log_.Count(now)) {
           spdlog::warn("modbus: {}: malformed frame, {}; closed ({} since the last such line)", connection.Peer(),
                        frame.fault, *count);
@@ -185,8 +196,9 @@ class ModbusServer::Loop {
         return false;
       }
       // Counted first, so that a request that reads the counter finds itself in it.
-      ++server_.requests_;
-      connection.Answer(frame, server_.Reply(frame), now);
+      ++tally_.requests;
+      const Requester requester{connection.Peer(), client.may_write};
+      connection.Answer(frame, units_.Answer(frame.unit, frame.pdu, requester), now);
     }
     return true;
   }
@@ -214,10 +226,8 @@ class ModbusServer::Loop {
   }
 
   void Admit(FileDescriptor socket, const sockaddr_storage& peer, SteadyTime now) {
-    const bool allowed =
-        std::any_of(allow_.begin(), allow_.end(), [&](const Network& network) { return Contains(network, peer); });
-    if (!allowed) {
-      ++server_.refused_;
+    if (!AnyContains(allow_, peer)) {
+      ++tally_.refused;
       if (const auto count = refused_log_.Count(now)) {
         spdlog::warn("modbus: {} is not in modbus.tcp.allow; refused ({} since the last such line)", NameOf(peer),
                      *count);
@@ -227,14 +237,14 @@ class ModbusServer::Loop {
     if (clients_.size() >= max_clients_) EvictOne(now);
     try {
       const int fd = socket.Get();
-      Client client{Connection(std::move(socket), NameOf(peer), now)};
+      Client client{Connection(std::move(socket), NameOf(peer), now), AnyContains(write_allow_, peer)};
       Watch(EPOLL_CTL_ADD, fd, client.interest);
       spdlog::debug("modbus: {} connected", client.connection.Peer());
       clients_.emplace(fd, std::move(client));
+      ++tally_.clients;
     } catch (const std::system_error& error) {
       spdlog::warn("modbus: {}: {}; closed", NameOf(peer), error.what());
     }
-    server_.clients_ = static_cast<std::uint32_t>(clients_.size());
   }
 
   /// Those who never asked anything go first, then whoever has been silent longest.
@@ -243,7 +253,7 @@ class ModbusServer::Loop {
       const Connection &first = a.second.connection, &second = b.second.connection;
       return std::tuple(first.HasAsked(), first.LastActive()) < std::tuple(second.HasAsked(), second.LastActive());
     });
-    ++server_.evicted_;
+    ++tally_.evicted;
     if (const auto count = evicted_log_.Count(now)) {
       spdlog::warn("modbus: {} closed to make room, {} clients are the most allowed ({} since the last such line)",
                    oldest->second.connection.Peer(), max_clients_, *count);
@@ -255,7 +265,7 @@ class ModbusServer::Loop {
     for (auto client = clients_.begin(); client != clients_.end();) {
       const auto current = client++;
       if (current->second.connection.Deadline(limits_) > now) continue;
-      ++server_.timed_out_;
+      ++tally_.timed_out;
       spdlog::debug("modbus: {} timed out", current->second.connection.Peer());
       Close(current);
     }
@@ -263,12 +273,13 @@ class ModbusServer::Loop {
 
   void Close(Clients::iterator client) {
     clients_.erase(client);  // closing takes the descriptor out of the epoll set
-    server_.clients_ = static_cast<std::uint32_t>(clients_.size());
+    --tally_.clients;
   }
 
-  ModbusServer& server_;
+  ModbusUnits& units_;
+  ModbusTally& tally_;
   FileDescriptor listener_;
-  const std::vector<Network> allow_;
+  const std::vector<Network> allow_, write_allow_;
   const std::size_t max_clients_;
   const ModbusLimits limits_;
   FileDescriptor epoll_, wake_;
@@ -277,56 +288,12 @@ class ModbusServer::Loop {
   OncePerMinute malformed_log_, refused_log_, evicted_log_, accept_log_;
 };
 
-ModbusServer::ModbusServer(FileDescriptor listener, const ModbusTcpOptions& options, ModbusIdentity identity,
-                           const std::vector<Bin>& bins, ModbusLimits limits, std::function<UtcTime()> utc_now)
-    : identity_(std::move(identity)),
-      utc_now_(utc_now ? std::move(utc_now) : [] { return UtcTime(std::chrono::system_clock::now()); }),
-      port_(BoundPort(listener.Get())) {
-  if (bins.empty()) throw std::invalid_argument("modbus: no bins to serve");
-  for (const auto& bin : bins) {
-    auto unmeasured = std::make_shared<BinSnapshot>();
-    unmeasured->bin = bin;
-    snapshots_.push_back(std::move(unmeasured));
-  }
-  loop_ = std::make_unique<Loop>(*this, std::move(listener), options, limits);
-  thread_ = std::jthread([this](const std::stop_token& stop) { loop_->Run(stop); });
-}
+ModbusServer::ModbusServer(FileDescriptor listener, const ModbusTcpOptions& options, ModbusUnits& units,
+                           ModbusTally& tally, ModbusLimits limits)
+    : port_(BoundPort(listener.Get())),
+      loop_(std::make_unique<Loop>(std::move(listener), options, units, tally, limits)),
+      thread_([this](const std::stop_token& stop) { loop_->Run(stop); }) {}
 
 ModbusServer::~ModbusServer() = default;
-
-void ModbusServer::Publish(const BinSnapshot& snapshot) {
-  auto next = std::make_shared<const BinSnapshot>(snapshot);
-  const std::scoped_lock lock(mutex_);
-  const auto same = std::find_if(snapshots_.begin(), snapshots_.end(),
-                                 [&](const auto& known) { return known->bin.id == snapshot.bin.id; });
-  if (same == snapshots_.end()) {
-    snapshots_.push_back(std::move(next));
-  } else {
-    same->swap(next);
-  }
-}
-
-ModbusCounters ModbusServer::Counters() const {
-  return {.clients = clients_,
-          .requests = requests_,
-          .malformed = malformed_,
-          .refused = refused_,
-          .evicted = evicted_,
-          .timed_out = timed_out_};
-}
-
-std::shared_ptr<const BinSnapshot> ModbusServer::Find(std::uint8_t unit) const {
-  const std::scoped_lock lock(mutex_);
-  if (unit == 0 || unit == 255) return snapshots_.front();
-  const auto found =
-      std::find_if(snapshots_.begin(), snapshots_.end(), [&](const auto& known) { return known->bin.id == unit; });
-  return found == snapshots_.end() ? nullptr : *found;
-}
-
-std::vector<std::uint8_t> ModbusServer::Reply(const ModbusFrame& frame) const {
-  const auto snapshot = Find(frame.unit);
-  if (!snapshot) return ExceptionPdu(frame.pdu[0], ModbusException::kNoSuchUnit);
-  return AnswerRequest(frame.pdu, {*snapshot, utc_now_(), identity_, Counters()});
-}
 
 }  // namespace granary

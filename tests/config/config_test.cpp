@@ -31,13 +31,13 @@ TEST(ParseConfig, AcceptsTheContractsExample) { EXPECT_EQ(testing::Texts(testing
 
 TEST(ParseConfig, ReadsModbus) {
   const Config config = Sample();
-  EXPECT_EQ(config.modbus_tcp.host, "0.0.0.0");
-  EXPECT_EQ(config.modbus_tcp.port, 502);
-  EXPECT_THAT(config.modbus_tcp.allow, ElementsAre("192.168.7.0/24"));
-  ASSERT_TRUE(config.modbus_rtu);
-  EXPECT_EQ(config.modbus_rtu->device, "/dev/ttyS1");
-  ASSERT_TRUE(config.modbus_plc);
-  EXPECT_EQ(config.modbus_plc->address, "192.168.7.20:502");
+  EXPECT_EQ(config.modbus.tcp.host, "0.0.0.0");
+  EXPECT_EQ(config.modbus.tcp.port, 502);
+  EXPECT_THAT(config.modbus.tcp.allow, ElementsAre("192.168.7.0/24"));
+  ASSERT_TRUE(config.modbus.rtu);
+  EXPECT_EQ(config.modbus.rtu->device, "/dev/ttyS1");
+  ASSERT_TRUE(config.modbus.plc);
+  EXPECT_EQ(config.modbus.plc->address, "192.168.7.20:502");
 }
 
 TEST(ParseConfig, ReadsTheBin) {

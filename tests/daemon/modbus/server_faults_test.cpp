@@ -11,7 +11,7 @@
 
 #include "daemon/modbus/server.h"
 #include "tests/daemon/modbus/client.h"
-#include "tests/daemon/modbus/snapshots.h"
+#include "tests/daemon/modbus/served.h"
 
 namespace granary {
 namespace {
@@ -25,11 +25,8 @@ using test::ReadOne;
 const Bytes kReadSequence{0, 9, 0, 0, 0, 6, 3, 3, 0, 5, 0, 1};
 const Bytes kSequence{0, 9, 0, 0, 0, 5, 3, 3, 2, 0, 17};
 
-std::unique_ptr<ModbusServer> Serve(ModbusLimits limits = {}, ModbusTcpOptions options = {}) {
-  auto server = std::make_unique<ModbusServer>(ListenTcp("127.0.0.1", 0), options, test::kIdentity,
-                                               std::vector{test::GoodSnapshot().bin}, limits);
-  server->Publish(test::GoodSnapshot());
-  return server;
+std::unique_ptr<test::Served> Serve(ModbusLimits limits = {}, const ModbusTcpOptions& options = {}) {
+  return std::make_unique<test::Served>(limits, options);
 }
 
 void ExpectClosedAsMalformed(const Bytes& bytes) {

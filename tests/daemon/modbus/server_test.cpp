@@ -15,6 +15,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/daemon/modbus/client.h"
+#include "tests/daemon/modbus/served.h"
 #include "tests/daemon/modbus/snapshots.h"
 
 namespace granary {
@@ -35,14 +36,14 @@ Bin BinOf(int id, const std::string& name) {
 /// Bins 3 and 5, the former measured; the clock stands 90 s after the measurement.
 class ModbusServerTest : public ::testing::Test {
  protected:
-  ModbusServerTest() { server_.Publish(test::GoodSnapshot()); }
+  ModbusServerTest() { units_.Publish(test::GoodSnapshot()); }
 
-  ModbusServer server_{ListenTcp("127.0.0.1", 0),
-                       ModbusTcpOptions{},
-                       test::kIdentity,
-                       {BinOf(3, "bay-3"), BinOf(5, "bay-5")},
-                       ModbusLimits{},
-                       [] { return test::kMeasuredAt + std::chrono::seconds{90}; }};
+  test::RecordingControl control_;
+  ModbusTally tally_;
+  ModbusUnits units_{test::kIdentity, {BinOf(3, "bay-3"), BinOf(5, "bay-5")}, control_, tally_, [] {
+                       return test::kMeasuredAt + std::chrono::seconds{90};
+                     }};
+  ModbusServer server_{ListenTcp("127.0.0.1", 0), ModbusTcpOptions{}, units_, tally_};
 };
 
 TEST_F(ModbusServerTest, MasterReadsTheSummary) {
@@ -128,7 +129,7 @@ TEST_F(ModbusServerTest, BinSaysThatItWasNotMeasuredBeforeItIsPublished) {
 }
 
 TEST_F(ModbusServerTest, PublishedFailureIsReadAsHeld) {
-  server_.Publish(test::HeldSnapshot(Reason::kFrameMissing));
+  units_.Publish(test::HeldSnapshot(Reason::kFrameMissing));
   const auto master = Connect(server_.Port());
   EXPECT_EQ(ReadOne(master.get(), 0), (1 << 1) | (1 << 12));
   EXPECT_EQ(ReadOne(master.get(), 2), 11);
@@ -183,7 +184,7 @@ TEST_F(ModbusServerTest, BlockIsOneMeasurementWhileAnotherThreadPublishes) {
     snapshot.good->sequence = static_cast<std::uint64_t>(i);
     snapshot.good->volume_m3 = i;
     snapshot.good->volume_u95_m3 = i;
-    server_.Publish(snapshot);
+    units_.Publish(snapshot);
   };
   publish(1);
   std::atomic<bool> done = false;
@@ -216,33 +217,32 @@ TEST_F(ModbusServerTest, CountersAreServed) {
   ReadOne(master.get(), 0);
   EXPECT_EQ(ReadOne(master.get(), 243), 3);
   EXPECT_EQ(ReadOne(master.get(), 241), 1);
-  EXPECT_EQ(server_.Counters().requests, 4U);
+  EXPECT_EQ(tally_.Read().requests, 4U);
 }
 
 TEST(ModbusServer, StopsWithClientsConnected) {
-  auto server = std::make_unique<ModbusServer>(ListenTcp("127.0.0.1", 0), ModbusTcpOptions{}, test::kIdentity,
-                                               std::vector{BinOf(1, "a")});
-  RawClient silent(server->Port());
+  auto served = std::make_unique<test::Served>();
+  RawClient silent(served->Port());
   ASSERT_TRUE(silent.Send({0, 1, 0}));
-  server.reset();
+  served.reset();
   EXPECT_TRUE(silent.IsClosedInSilence());
 }
 
-TEST(ModbusServer, RefusesASocketThatDoesNotListen) {
-  EXPECT_THROW(ModbusServer(FileDescriptor(socket(AF_INET, SOCK_STREAM, 0)), ModbusTcpOptions{}, test::kIdentity,
-                            {BinOf(1, "a")}),
+TEST_F(ModbusServerTest, RefusesASocketThatDoesNotListen) {
+  EXPECT_THROW(ModbusServer(FileDescriptor(socket(AF_INET, SOCK_STREAM, 0)), ModbusTcpOptions{}, units_, tally_),
                std::runtime_error);
 }
 
-TEST(ModbusServer, RefusesAnAllowListThatIsNone) {
+TEST_F(ModbusServerTest, RefusesAnAllowListThatIsNone) {
   ModbusTcpOptions options;
   options.allow = {"depot"};
-  EXPECT_THROW(ModbusServer(ListenTcp("127.0.0.1", 0), options, test::kIdentity, {BinOf(1, "a")}),
-               std::invalid_argument);
+  EXPECT_THROW(ModbusServer(ListenTcp("127.0.0.1", 0), options, units_, tally_), std::invalid_argument);
 }
 
-TEST(ModbusServer, RefusesToServeNoBins) {
-  EXPECT_THROW(ModbusServer(ListenTcp("127.0.0.1", 0), ModbusTcpOptions{}, test::kIdentity, {}), std::invalid_argument);
+TEST(ModbusUnits, RefusesToServeNoBins) {
+  test::RecordingControl control;
+  ModbusTally tally;
+  EXPECT_THROW(ModbusUnits(test::kIdentity, {}, control, tally), std::invalid_argument);
 }
 
 }  // namespace
