@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "daemon/modbus/framing.h"
+#include "daemon/modbus/status.h"
 
 namespace granary {
 namespace {
@@ -56,12 +57,12 @@ Pdu ReadBits(std::span<const std::uint8_t> request, const RegisterSource& source
   if (block.address + block.count > kDiscreteInputCount) {
     return ExceptionPdu(request[0], ModbusException::kIllegalAddress);
   }
-  const RegisterImage image = EncodeRegisters(source);
+  const std::uint64_t bits = CoilBits(source.snapshot);
   const auto bytes = static_cast<std::uint8_t>((block.count + 7) / 8);
   Pdu reply{request[0], bytes};
   reply.resize(2 + bytes, 0);
   for (int i = 0; i < block.count; ++i) {
-    if (DiscreteInput(image, block.address + i)) reply[2 + i / 8] |= static_cast<std::uint8_t>(1 << (i % 8));
+    if ((bits >> (block.address + i)) & 1) reply[2 + i / 8] |= static_cast<std::uint8_t>(1 << (i % 8));
   }
   return reply;
 }

@@ -18,7 +18,8 @@ FaultKind LastFault(const BinSnapshot& snapshot) {
 }
 
 bool Simulated(const BinSnapshot& snapshot) {
-  return (snapshot.good && snapshot.good->simulated) || (snapshot.last && snapshot.last->simulated);
+  return snapshot.injected || (snapshot.good && snapshot.good->simulated) ||
+         (snapshot.last && snapshot.last->simulated);
 }
 
 /// +1 filling, −1 emptying, 0 neither or unknown. A change within the uncertainty of a difference of two figures
@@ -44,7 +45,7 @@ const std::array<BitInfo, 16>& StatusBitTable() {
       {1, "held", "The figures are the last good ones; the last cycle failed or none has run since the start."},
       {2, "measuring", "A cycle is running."},
       {3, "stale", "The figures are older than they may be."},
-      {4, "simulated", "The figures come from simulated frames."},
+      {4, "simulated", "The figures come from simulated frames, or were injected for a test."},
       {5, "maintenance", "Measuring is inhibited."},
       {6, "no_measurement_yet", "There is no figure at all; floats are NaN."},
       {7, "reduced_accuracy", "Measured under a handicap; see the uncertainty."},
@@ -155,6 +156,12 @@ std::uint32_t ActiveAlarms(const BinSnapshot& snapshot) {
 
 std::uint32_t LatchedAlarms(const BinSnapshot& snapshot) {
   return BitsOf<std::uint32_t>({{0, snapshot.abnormal_latched}});
+}
+
+std::uint64_t CoilBits(const BinSnapshot& snapshot) {
+  const bool measures = snapshot.command == CommandState{BinCommand::kMeasure, CommandResult::kBusy};
+  return StatusWord(snapshot) | (std::uint64_t{ActiveAlarms(snapshot)} << 16) |
+         BitsOf<std::uint64_t>({{kMeasureCoil, measures}, {kInhibitCoil, snapshot.maintenance}});
 }
 
 }  // namespace granary

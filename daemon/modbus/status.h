@@ -9,6 +9,10 @@
 
 namespace granary {
 
+inline constexpr int kDiscreteInputCount = 48;  ///< 0–15 status bits, 16–47 active alarm bits
+inline constexpr int kCoilCount = 51;           ///< the same, then measure now, acknowledge and inhibit
+inline constexpr int kMeasureCoil = 48, kAcknowledgeCoil = 49, kInhibitCoil = 50;
+
 /// One bit of a register, as the manual prints it.
 struct BitInfo {
   int bit;
@@ -53,5 +57,8 @@ struct NamurInfo {
 [[nodiscard]] std::uint32_t ActiveAlarms(const BinSnapshot& snapshot);
 /// Register 54: stays on until acknowledged.
 [[nodiscard]] std::uint32_t LatchedAlarms(const BinSnapshot& snapshot);
+/// Coil n in bit n; the discrete inputs are the first of them. Measure now reads on while that command is busy, inhibit
+/// as the maintenance bit, acknowledge always off.
+[[nodiscard]] std::uint64_t CoilBits(const BinSnapshot& snapshot);
 
 }  // namespace granary

@@ -167,5 +167,34 @@ TEST(ValidityBits, HeldOrStaleFiguresAreNotValid) {
   EXPECT_EQ(ValidityBits(UnmeasuredSnapshot()), 0);
 }
 
+TEST(StatusWord, InjectedFigureIsCurrentAndSimulated) {
+  auto snapshot = GoodSnapshot();
+  snapshot.injected = true;
+  EXPECT_TRUE(Bit(snapshot, 0));
+  EXPECT_TRUE(Bit(snapshot, 4));
+}
+
+TEST(CoilBits, AreTheStatusBitsAndThenTheAlarms) {
+  auto snapshot = HeldSnapshot(Reason::kFrameMissing);
+  snapshot.good->abnormal = true;
+  EXPECT_EQ(CoilBits(snapshot), StatusWord(snapshot) | (1U << 16));
+}
+
+TEST(CoilBits, MeasureNowIsOnWhileThatCommandIsBusy) {
+  auto snapshot = GoodSnapshot();
+  snapshot.command = {BinCommand::kMeasure, CommandResult::kBusy};
+  EXPECT_TRUE((CoilBits(snapshot) >> kMeasureCoil) & 1);
+  snapshot.command.result = CommandResult::kDone;
+  EXPECT_FALSE((CoilBits(snapshot) >> kMeasureCoil) & 1);
+  snapshot.command = {BinCommand::kAcknowledge, CommandResult::kBusy};
+  EXPECT_FALSE((CoilBits(snapshot) >> kMeasureCoil) & 1);
+}
+
+TEST(CoilBits, InhibitIsTheMaintenanceBit) {
+  auto snapshot = GoodSnapshot();
+  snapshot.maintenance = true;
+  EXPECT_EQ(CoilBits(snapshot), StatusWord(snapshot) | (std::uint64_t{1} << kInhibitCoil));
+}
+
 }  // namespace
 }  // namespace granary
