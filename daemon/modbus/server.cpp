@@ -22,26 +22,12 @@
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
+#include "daemon/modbus/once_per_minute.h"
+
 namespace granary {
 namespace {
 
 using Steady = std::chrono::steady_clock;
-
-/// Lets one log line through a minute and counts what it kept back.
-class OncePerMinute {
- public:
-  /// @return how many there were since the line before, when it is time for the next
-  std::optional<int> Count(SteadyTime now) {
-    ++count_;
-    if (last_ && now - *last_ < std::chrono::minutes{1}) return std::nullopt;
-    last_ = now;
-    return std::exchange(count_, 0);
-  }
-
- private:
-  std::optional<SteadyTime> last_;
-  int count_ = 0;
-};
 
 std::vector<Network> NetworksOf(const std::string& key, const std::vector<std::string>& texts) {
   std::vector<Network> networks;
