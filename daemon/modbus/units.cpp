@@ -36,6 +36,11 @@ void ModbusUnits::Publish(const BinSnapshot& snapshot) {
   }
 }
 
+bool ModbusUnits::Serves(std::uint8_t unit) const {
+  const std::scoped_lock lock(mutex_);
+  return std::any_of(snapshots_.begin(), snapshots_.end(), [&](const auto& known) { return known->bin.id == unit; });
+}
+
 std::shared_ptr<const BinSnapshot> ModbusUnits::Find(std::uint8_t unit) const {
   const std::scoped_lock lock(mutex_);
   if (unit == 0 || unit == 255) return snapshots_.front();

@@ -41,6 +41,8 @@ class ModbusUnits : public Publisher {
   /// Replaces what is served for the snapshot's bin; a bin not known yet is added after the others.
   void Publish(const BinSnapshot& snapshot) override;
 
+  /// Whether a bin has this id. Unlike Answer it takes 0 and 255 for what they are on a serial line: no bin's.
+  [[nodiscard]] bool Serves(std::uint8_t unit) const;
   /// The reply to one request: unit ids are bin ids, 0 and 255 mean the first bin, any other gets exception 0x0B.
   /// @param request function code and data, 1…253 bytes
   [[nodiscard]] Pdu Answer(std::uint8_t unit, std::span<const std::uint8_t> request, const Requester& requester);
