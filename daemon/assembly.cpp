@@ -82,6 +82,8 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   setup.schedule = options.schedule;
   setup.cycle = options.cycle;
   setup.shots = options.shots;
+  setup.inventory = options.inventory;
+  setup.book_source = options.book_source;
   setup.simulated = true;
   // Asked once here, so that an unknown time zone is refused now and not in the worker.
   static_cast<void>(FirstRun(options.schedule, UtcTime{}));
@@ -113,7 +115,7 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   setup.configuration_hash = hash;
 
   if (refusal.reason != Reason::kOk) {
-    setup.measure = [refusal](const std::vector<Shot>&) {
+    setup.measure = [refusal](const std::vector<Shot>&, const Inventory&) {
       Measurement verdict;
       verdict.reason = refusal.reason;
       verdict.detail = refusal.detail;
@@ -123,7 +125,7 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   }
   auto pipeline = std::make_shared<const Pipeline>(options.bin, std::move(rigs), options.pipeline);
   for (const auto& note : pipeline->Notes()) spdlog::warn("bin {} {}: {}", options.bin.id, options.bin.name, note);
-  setup.measure = [pipeline, inventory = options.inventory](const std::vector<Shot>& shots) {
+  setup.measure = [pipeline](const std::vector<Shot>& shots, const Inventory& inventory) {
     return pipeline->RunShots(shots, inventory, SteadyMilliseconds).measurement;
   };
   return setup;

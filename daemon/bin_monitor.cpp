@@ -2,12 +2,12 @@
 // old stays with its own time and is called held.
 #include "daemon/bin_monitor.h"
 
-#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 #include <algorithm>
-#include <cmath>
+#include <limits>
 #include <utility>
 
+#include "daemon/bin_lines.h"
 #include "daemon/memory.h"
 #include "daemon/record_json.h"
 #include "daemon/schedule.h"
@@ -15,17 +15,7 @@
 namespace granary {
 namespace {
 
-std::string NameOf(const Bin& bin) {
-  return bin.name.empty() ? fmt::format("bin {}", bin.id) : fmt::format("bin {} {}", bin.id, bin.name);
-}
-
-/// Volume with its uncertainty, both to the digits that the uncertainty leaves meaningful.
-std::string VolumeText(const Measurement& m) {
-  if (!m.volume_m3) return "no volume";
-  if (!m.volume_u95_m3 || !(*m.volume_u95_m3 > 0)) return fmt::format("{:.5g} m³", *m.volume_m3);
-  const int digits = std::max(0, 1 - static_cast<int>(std::floor(std::log10(*m.volume_u95_m3))) - 1);
-  return fmt::format("{:.{}f} m³ ±{:.{}f}", *m.volume_m3, digits, *m.volume_u95_m3, digits);
-}
+constexpr std::uint32_t kUnknownRestarts = std::numeric_limits<std::uint32_t>::max();
 
 /// True after a cycle that failed at a device, which may work again a moment later.
 bool IsDeviceTrouble(const BinSnapshot& snapshot) {
@@ -51,37 +41,14 @@ void SetChange(const std::optional<Measurement>& before, const Measurement& now,
 
 }  // namespace
 
-std::string CycleLine(const Bin& bin, const Measurement& m) {
-  std::string line = NameOf(bin) + ": " + VolumeText(m);
-  if (m.mass_kg && *m.mass_kg < 1000.0) line += fmt::format(", {:.2f} kg", *m.mass_kg);
-  if (m.mass_kg && *m.mass_kg >= 1000.0) line += fmt::format(", {:.2f} t", *m.mass_kg / 1000.0);
-  if (m.error_rate_percent) {
-    const double tenths = std::round(*m.error_rate_percent * 10) + 0.0;  // never "-0.0"
-    line += fmt::format(", error {:+.1f} % ({})", tenths / 10, m.abnormal.value_or(false) ? "abnormal" : "ok");
-  }
-  if (m.coverage_percent) line += fmt::format(", coverage {:.0f} %", *m.coverage_percent);
-  line += fmt::format(", {:.1f} s", m.timings_ms.total / 1000.0);
-  if (m.reduced_accuracy) line += ", reduced accuracy: " + m.detail;
-  return line;
-}
-
-std::string FailureLine(const BinSnapshot& snapshot) {
-  if (!snapshot.last) return NameOf(snapshot.bin) + ": not measured yet";
-  const ReasonInfo& info = InfoOf(snapshot.last->reason);
-  std::string line = fmt::format("{}: no figure ({}): {}", NameOf(snapshot.bin), info.name,
-                                 snapshot.last->detail.empty() ? info.meaning : snapshot.last->detail);
-  line += snapshot.good ? fmt::format("; held: {} of {}", VolumeText(*snapshot.good), UtcText(snapshot.good->utc))
-                        : std::string("; nothing to hold");
-  if (!info.remedy.empty()) line += fmt::format(". {}", info.remedy);
-  return line;
-}
-
 BinMonitor::BinMonitor(BinSetup setup, Records& records, std::vector<Publisher*> publishers, Clock& clock,
                        RigOpener open)
     : setup_(std::move(setup)), records_(records), publishers_(std::move(publishers)), clock_(clock) {
   for (const auto& plan : setup_.rigs) slots_.emplace_back(plan, open, clock_);
   snapshot_.bin = setup_.bin;
   snapshot_.configuration_hash = setup_.configuration_hash;
+  snapshot_.book = {.in_force = setup_.inventory, .writable = setup_.book_source == BookSource::kRegisters};
+  snapshot_.format = setup_.format;
 }
 
 void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
@@ -92,12 +59,12 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
 
   CycleSteps steps;
   steps.capture = [this] { return Capture(); };
-  steps.measure = setup_.measure;
+  steps.measure = [this](const std::vector<Shot>& shots) { return Measure(shots); };
   steps.publish = [this](const Measurement& measurement) { Finish(measurement); };
   steps.entered = [this](CycleState state) {
     progress_.Promise(clock_.Steady(),
                       DeadlineOf(state, setup_.cycle, slots_.size() * static_cast<std::size_t>(setup_.shots)));
-    spdlog::debug("{}: {}", NameOf(setup_.bin), granary::NameOf(state));
+    spdlog::debug("{}: {}", NameOf(setup_.bin), NameOf(state));
   };
   cycle_.emplace(setup_.cycle, std::move(steps), clock_, good);
 
@@ -114,8 +81,38 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
     }
     s.good = good;
     s.held = good.has_value();
-    s.abnormal_latched = s.abnormal_latched || (good && good->abnormal.value_or(false));
+    RestoreState(carried, s);
   });
+}
+
+void BinMonitor::RestoreState(const std::optional<BinSnapshot>& carried, BinSnapshot& s) {
+  const std::optional<BinState> known = records_.State(setup_.bin.id);
+  const BinState state = known.value_or(BinState{});
+  s.restarts = records_.Restarts().value_or(kUnknownRestarts);
+  s.abnormal_latched =
+      carried ? carried->abnormal_latched : state.abnormal_latched.value_or(s.good && s.good->abnormal.value_or(false));
+  s.format = state.format.value_or(setup_.format);
+
+  s.book = {.in_force = setup_.inventory, .writable = setup_.book_source == BookSource::kRegisters};
+  if (state.book && s.book.writable) {
+    client_book_ = state.book->data;
+    s.book.in_force = WithBook(setup_.inventory, state.book->data);
+    if (BookToJson(s.book.in_force) != BookToJson(setup_.inventory)) {
+      spdlog::warn("{}", BookLine(setup_.bin, *state.book, setup_.inventory));
+    }
+  }
+
+  // Nobody may be lit whom an inhibition protects: what cannot be read counts as one.
+  s.maintenance = carried ? carried->maintenance : state.inhibition.has_value() || !known;
+  inhibit_stored_ = state.inhibition.has_value();
+  if (s.maintenance) {
+    s.next_at.reset();
+    spdlog::warn("{}", InhibitionLine(setup_.bin, state.inhibition));
+  }
+  // The monitor before has promised a measurement.
+  measure_asked_ = s.command == CommandState{BinCommand::kMeasure, CommandResult::kBusy};
+  ledger_.emplace(records_, setup_.bin.id, state);
+  taking_ = true;
 }
 
 void BinMonitor::Open() {
@@ -141,8 +138,17 @@ bool BinMonitor::TryAgain(const std::stop_token& stop) {
 }
 
 bool BinMonitor::Run(const std::stop_token& stop, CycleKind kind) {
-  Update([](BinSnapshot& s) { s.measuring = true; });
-  const bool published = cycle_.value().Run(stop, kind).has_value();
+  std::stop_source halt;
+  const std::stop_callback end_too(stop, [&halt] { halt.request_stop(); });
+  bool begun = false;
+  Update([&](BinSnapshot& s) {
+    if (s.maintenance) return;
+    begun = s.measuring = true;
+    cycle_halt_ = halt;
+  });
+  if (!begun) return false;
+  cycle_stop_ = halt.get_token();
+  const bool published = cycle_.value().Run(cycle_stop_, kind).has_value();
   try_at_ = clock_.Steady() + TrialDelay(trials_);
   if (!published) {
     Update([this](BinSnapshot& s) {
@@ -158,9 +164,18 @@ std::vector<Shot> BinMonitor::Capture() {
   for (int k = 0; k < setup_.shots; ++k) {
     Shot& shot = shots.emplace_back();
     // One rig after the other: two projectors at once would each disturb the other's speckle.
-    for (auto& slot : slots_) shot.push_back(slot.Capture());
+    for (auto& slot : slots_) {
+      if (cycle_stop_.stop_requested()) {
+        throw DeviceError(Reason::kNotMeasured, NameOf(setup_.bin), "capture", "the cycle was ended");
+      }
+      shot.push_back(slot.Capture());
+    }
   }
   return shots;
+}
+
+Measurement BinMonitor::Measure(const std::vector<Shot>& shots) {
+  return setup_.measure(shots, Snapshot().book.in_force);
 }
 
 void BinMonitor::CountDevices(BinSnapshot& snapshot) const {
@@ -178,6 +193,7 @@ void BinMonitor::Finish(const Measurement& measurement) {
   record.peak_rss_mib = PeakRss_mib();
   records_.Append(record);  // gives it its sequence number
   Update([&](BinSnapshot& s) {
+    if (std::exchange(answers_measure_, false)) s.command.result = CommandResult::kDone;
     ++s.cycles;
     s.measuring = false;
     CountDevices(s);
@@ -185,7 +201,11 @@ void BinMonitor::Finish(const Measurement& measurement) {
     s.held = !record.valid && s.good.has_value();
     if (record.valid) {
       SetChange(s.good, record, s);
-      s.abnormal_latched = s.abnormal_latched || record.abnormal.value_or(false);
+      if (record.abnormal.value_or(false) && !std::exchange(s.abnormal_latched, true)) {
+        LedgerEntry entry;
+        entry.change = [](BinState& state) { state.abnormal_latched = true; };
+        ledger_->Post(std::move(entry));
+      }
       s.good = record;
     } else {
       ++s.failures;
@@ -214,18 +234,61 @@ void BinMonitor::Idle(std::optional<UtcTime> next_at) {
     spdlog::info("{}: rig {} is open again", NameOf(setup_.bin), slot.options().name);
     try_at_ = {};
   }
-  if (Snapshot().next_at != next_at) Update([&](BinSnapshot& s) { s.next_at = next_at; });
+  if (Snapshot().next_at == next_at) return;
+  Update([&](BinSnapshot& s) {
+    if (!s.maintenance) s.next_at = next_at;
+  });
+}
+
+bool BinMonitor::RestIfInhibited() {
+  if (!Snapshot().maintenance) {
+    if (!resting_) return false;
+    Update([this](BinSnapshot&) { resting_ = false; });
+    Open();
+    return false;
+  }
+  progress_.Promise(clock_.Steady(), DeadlineOf(CycleState::kIdle, setup_.cycle, 1));
+  if (resting_) return true;
+  for (auto& slot : slots_) slot.Close();
+  Update([this](BinSnapshot& s) {
+    resting_ = true;
+    s.next_at.reset();
+    s.held = s.good.has_value();
+    CountDevices(s);
+    SettleInhibit(s);
+  });
+  spdlog::info("{}: rests, its devices are closed", NameOf(setup_.bin));
+  return true;
+}
+
+bool BinMonitor::TakeMeasure() {
+  const std::scoped_lock lock(mutex_);
+  if (std::exchange(measure_asked_, false)) answers_measure_ = true;
+  return answers_measure_;
+}
+
+std::stop_source BinMonitor::NextWake() {
+  const std::scoped_lock lock(mutex_);
+  wake_ = std::stop_source();
+  return wake_;
 }
 
 void BinMonitor::Close() noexcept {
   for (auto& slot : slots_) slot.Close();
   progress_.Rest();
+  Update([this](BinSnapshot&) {
+    if (injected_) DropInjection("the daemon");
+    taking_ = false;
+  });
+  // A successor reads what clients wrote here.
+  if (ledger_) ledger_->Drain();
 }
 
 bool BinMonitor::Supervise() {
   const bool progress = progress_.Kept(clock_.Steady());
   Update([&](BinSnapshot& s) {
     if (progress) ++s.heartbeat;
+    if (injected_ && clock_.Steady() >= injected_until_) DropInjection("the daemon");
   });
   return progress;
 }
@@ -239,11 +302,23 @@ BinSnapshot BinMonitor::Snapshot() const {
   return snapshot_;
 }
 
+BinSnapshot BinMonitor::Published() const {
+  const std::scoped_lock lock(mutex_);
+  return ToPublish();
+}
+
 void BinMonitor::Update(const std::function<void(BinSnapshot&)>& change) {
   const std::scoped_lock lock(mutex_);
   change(snapshot_);
-  snapshot_.stale = snapshot_.good && clock_.Now() - snapshot_.good->utc > StaleAfter(setup_.schedule, setup_.cycle);
-  for (auto* publisher : publishers_) publisher->Publish(snapshot_);
+  PublishSnapshot();
 }
+
+void BinMonitor::PublishSnapshot() {
+  snapshot_.stale = snapshot_.good && clock_.Now() - snapshot_.good->utc > StaleAfter(setup_.schedule, setup_.cycle);
+  const BinSnapshot published = ToPublish();
+  for (auto* publisher : publishers_) publisher->Publish(published);
+}
+
+BinSnapshot BinMonitor::ToPublish() const { return injected_ ? WithInjected(snapshot_, *injected_) : snapshot_; }
 
 }  // namespace granary

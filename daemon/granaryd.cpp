@@ -51,6 +51,7 @@ granary::ServicePlan LoadPlan(const std::filesystem::path& file, const std::file
     std::vector<granary::BinSetup> setups;
     for (const auto& bin : config.bins) {
       setups.push_back(granary::AssembleBin(bin, state_folder, granary::OpenRig, text));
+      setups.back().format = config.modbus.format;
     }
     return setups;
   };

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <system_error>
 #include <utility>
 
 namespace granary {
@@ -15,10 +16,7 @@ void Records::Append(Measurement& measurement) {
   std::uint64_t& last = last_sequence_[measurement.bin];
   const bool open = Use([&](Store& store) { last = std::max(last, store.LastSequence(measurement.bin)); });
   measurement.sequence = ++last;
-  // Only a record that was kept ends the fault: a full disk can still be read.
-  if (open && Use([&](Store& store) { store.Append(measurement); }) && fault_log_.Clear()) {
-    spdlog::warn("records are being kept again in {}", folder_.string());
-  }
+  if (open && Use([&](Store& store) { store.Append(measurement); })) NoteKept();
 }
 
 std::optional<Measurement> Records::LastGood(int bin) {
@@ -26,6 +24,33 @@ std::optional<Measurement> Records::LastGood(int bin) {
   std::optional<Measurement> good;
   Use([&](Store& store) { good = store.LastGood(bin); });
   return good;
+}
+
+std::optional<BinState> Records::State(int bin) {
+  const std::scoped_lock lock(mutex_);
+  std::optional<BinState> state;
+  if (Use([&](Store& store) { state = store.State(bin); })) return state.value_or(BinState{});
+  std::error_code unreachable;  // then there is none
+  if (std::filesystem::exists(folder_ / "records.sqlite", unreachable)) return std::nullopt;
+  return BinState{};
+}
+
+bool Records::Keep(int bin, const BinState& state, const std::vector<JournalEntry>& entries) {
+  const std::scoped_lock lock(mutex_);
+  if (!Use([&](Store& store) { store.Keep(bin, state, entries); })) return false;
+  NoteKept();
+  return true;
+}
+
+std::optional<std::uint32_t> Records::Restarts() {
+  const std::scoped_lock lock(mutex_);
+  if (!restarts_) Use([&](Store& store) { restarts_ = store.CountStart() - 1; });
+  return restarts_;
+}
+
+void Records::NoteKept() {
+  // Only what was kept ends the fault: a full disk can still be read.
+  if (fault_log_.Clear()) spdlog::warn("records are being kept again in {}", folder_.string());
 }
 
 bool Records::Use(const std::function<void(Store&)>& work) {

@@ -8,7 +8,9 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <vector>
 
+#include "daemon/bin_state.h"
 #include "daemon/clock.h"
 #include "daemon/fault_log.h"
 #include "daemon/store.h"
@@ -25,11 +27,19 @@ class Records {
   void Append(Measurement& measurement);
   /// Newest valid record of `bin`; empty when there is none or it cannot be read.
   [[nodiscard]] std::optional<Measurement> LastGood(int bin);
+  /// What a restart keeps of `bin`; a fresh one when nothing was kept, or there is no store yet.
+  /// @return empty when there is a store and it cannot be read: nobody knows what it says
+  [[nodiscard]] std::optional<BinState> State(int bin);
+  /// Store::Keep. @return false when it is not safe on disk; nothing of it is kept then
+  [[nodiscard]] bool Keep(int bin, const BinState& state, const std::vector<JournalEntry>& entries);
+  /// Starts of the daemon before this one, which is counted by the first call. Empty when they cannot be counted.
+  [[nodiscard]] std::optional<std::uint32_t> Restarts();
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
  private:
   /// Runs `work(store)`; @return false when the store failed
   bool Use(const std::function<void(Store&)>& work);
+  void NoteKept();
 
   std::filesystem::path folder_;
   Clock& clock_;
@@ -37,6 +47,7 @@ class Records {
   std::unique_ptr<Store> store_;
   FaultLog fault_log_;
   std::map<int, std::uint64_t> last_sequence_;
+  std::optional<std::uint32_t> restarts_;
 };
 
 }  // namespace granary

@@ -36,7 +36,7 @@ struct BinSnapshot {
   BookState book;                        ///< what the next measurement is compared with
   RegisterFormat format;                 ///< how clients want registers 0–899 written out
   bool injected = false;                 ///< `good` and `last` were made up for a loop test; simulated is on, too
-  std::uint32_t restarts = 0;            ///< starts of the daemon, but the first, since its records began
+  std::uint32_t restarts = 0;  ///< starts of the daemon, but the first, since its records began; all bits: not known
 };
 
 }  // namespace granary

@@ -14,7 +14,7 @@
 namespace granary {
 namespace {
 
-constexpr int kSchemaVersion = 1;
+constexpr int kSchemaVersion = 2;
 constexpr int kBusyTimeout_ms = 5000;  // a reader of another process holds the file for milliseconds
 
 std::filesystem::path MakeFolder(const std::filesystem::path& folder, Store::Access access) {
@@ -24,13 +24,15 @@ std::filesystem::path MakeFolder(const std::filesystem::path& folder, Store::Acc
   return folder / "records.sqlite";
 }
 
-Measurement Parse(const std::string& text) {
+nlohmann::ordered_json Parse(const std::string& text) {
   try {
-    return RecordFromJson(nlohmann::ordered_json::parse(text));
+    return nlohmann::ordered_json::parse(text);
   } catch (const nlohmann::json::exception& error) {
     throw std::invalid_argument(error.what());
   }
 }
+
+std::int64_t UtcNs(UtcTime utc) { return static_cast<std::int64_t>(utc.time_since_epoch().count()); }
 
 }  // namespace
 
@@ -45,6 +47,7 @@ std::filesystem::path StateFolder() {
 struct Store::Impl {
   std::filesystem::path file;
   SQLite::Database db;
+  int version = 0;  ///< of the file
 
   Impl(const std::filesystem::path& folder, Access access)
       : file(MakeFolder(folder, access)),
@@ -58,21 +61,30 @@ struct Store::Impl {
     SQLite::Transaction transaction(db);
     db.exec("CREATE TABLE IF NOT EXISTS schema (version INTEGER NOT NULL)");
     if (db.execAndGet("SELECT count(*) FROM schema").getInt() == 0) {
-      db.exec("INSERT INTO schema VALUES (" + std::to_string(kSchemaVersion) + ")");
+      db.exec("INSERT INTO schema VALUES (1)");
       db.exec(
           "CREATE TABLE measurements (id INTEGER PRIMARY KEY, bin INTEGER NOT NULL, sequence INTEGER NOT NULL,"
           " utc_ns INTEGER NOT NULL, valid INTEGER NOT NULL, record TEXT NOT NULL)");
       db.exec("CREATE INDEX measurements_by_bin ON measurements (bin, valid, id)");
       db.exec("CREATE INDEX measurements_by_sequence ON measurements (bin, sequence)");
     }
+    if (db.execAndGet("SELECT max(version) FROM schema").getInt() == 1) {
+      db.exec("CREATE TABLE states (bin INTEGER PRIMARY KEY, state TEXT NOT NULL)");
+      db.exec(
+          "CREATE TABLE journal (id INTEGER PRIMARY KEY, utc_ns INTEGER NOT NULL, bin INTEGER NOT NULL,"
+          " who TEXT NOT NULL, what TEXT NOT NULL, before TEXT, after TEXT)");
+      db.exec("CREATE TABLE daemon (starts INTEGER NOT NULL)");
+      db.exec("INSERT INTO daemon VALUES (0)");
+      db.exec("UPDATE schema SET version = 2");
+    }
     transaction.commit();
   }
 
   void CheckVersion() {
-    const int version = db.execAndGet("SELECT max(version) FROM schema").getInt();
-    if (version != kSchemaVersion) {
+    version = db.execAndGet("SELECT max(version) FROM schema").getInt();
+    if (version < 1 || version > kSchemaVersion) {
       throw StoreError("store " + file.string() + ": its schema is version " + std::to_string(version) +
-                       ", this program knows version " + std::to_string(kSchemaVersion));
+                       ", this program knows versions 1 to " + std::to_string(kSchemaVersion));
     }
   }
 };
@@ -110,7 +122,7 @@ void Store::Append(const Measurement& measurement) {
                              "INSERT INTO measurements (bin, sequence, utc_ns, valid, record) VALUES (?, ?, ?, ?, ?)");
     insert.bind(1, measurement.bin);
     insert.bind(2, static_cast<std::int64_t>(measurement.sequence));
-    insert.bind(3, static_cast<std::int64_t>(measurement.utc.time_since_epoch().count()));
+    insert.bind(3, UtcNs(measurement.utc));
     insert.bind(4, measurement.valid ? 1 : 0);
     insert.bind(5, RecordLine(measurement));
     insert.exec();
@@ -124,7 +136,7 @@ std::optional<Measurement> Store::LastGood(int bin) const {
                             "SELECT record FROM measurements WHERE bin = ? AND valid = 1 ORDER BY id DESC LIMIT 1");
     query.bind(1, bin);
     if (!query.executeStep()) return std::nullopt;
-    return Parse(query.getColumn(0).getString());
+    return RecordFromJson(Parse(query.getColumn(0).getString()));
   });
 }
 
@@ -146,9 +158,76 @@ std::vector<Measurement> Store::Last(std::size_t count, std::optional<int> bin) 
     if (bin) query.bind(1, *bin);  // an unbound parameter is NULL
     query.bind(2, static_cast<std::int64_t>(count));
     std::vector<Measurement> records;
-    while (query.executeStep()) records.push_back(Parse(query.getColumn(0).getString()));
+    while (query.executeStep()) records.push_back(RecordFromJson(Parse(query.getColumn(0).getString())));
     std::reverse(records.begin(), records.end());
     return records;
+  });
+}
+
+void Store::Keep(int bin, const BinState& state, const std::vector<JournalEntry>& entries) {
+  const std::scoped_lock lock(mutex_);
+  Guarded(impl_->file, "keep the state", [&] {
+    SQLite::Transaction transaction(impl_->db);
+    for (const auto& entry : entries) {
+      SQLite::Statement insert(impl_->db,
+                               "INSERT INTO journal (utc_ns, bin, who, what, before, after) VALUES (?, ?, ?, ?, ?, ?)");
+      insert.bind(1, UtcNs(entry.utc));
+      insert.bind(2, entry.bin);
+      insert.bind(3, entry.who);
+      insert.bind(4, entry.what);
+      if (!entry.before.empty()) insert.bind(5, entry.before);  // an unbound parameter is NULL
+      if (!entry.after.empty()) insert.bind(6, entry.after);
+      insert.exec();
+    }
+    SQLite::Statement replace(impl_->db,
+                              "INSERT INTO states (bin, state) VALUES (?, ?)"
+                              " ON CONFLICT (bin) DO UPDATE SET state = excluded.state");
+    replace.bind(1, bin);
+    replace.bind(2, StateToJson(state).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+    replace.exec();
+    transaction.commit();
+  });
+}
+
+std::optional<BinState> Store::State(int bin) const {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "read the state", [&]() -> std::optional<BinState> {
+    if (impl_->version < 2) return std::nullopt;
+    SQLite::Statement query(impl_->db, "SELECT state FROM states WHERE bin = ?");
+    query.bind(1, bin);
+    if (!query.executeStep()) return std::nullopt;
+    return StateFromJson(Parse(query.getColumn(0).getString()));
+  });
+}
+
+std::vector<JournalEntry> Store::Journal(std::size_t count, std::optional<int> bin) const {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "read the journal", [&] {
+    std::vector<JournalEntry> entries;
+    if (impl_->version < 2) return entries;
+    SQLite::Statement query(impl_->db,
+                            "SELECT utc_ns, bin, who, what, before, after FROM journal"
+                            " WHERE ?1 IS NULL OR bin = ?1 ORDER BY id DESC LIMIT ?2");
+    if (bin) query.bind(1, *bin);
+    query.bind(2, static_cast<std::int64_t>(count));
+    while (query.executeStep()) {
+      entries.push_back({UtcTime{UtcTime::duration{query.getColumn(0).getInt64()}}, query.getColumn(1).getInt(),
+                         query.getColumn(2).getString(), query.getColumn(3).getString(), query.getColumn(4).getString(),
+                         query.getColumn(5).getString()});
+    }
+    std::reverse(entries.begin(), entries.end());
+    return entries;
+  });
+}
+
+std::uint32_t Store::CountStart() {
+  const std::scoped_lock lock(mutex_);
+  return Guarded(impl_->file, "count the start", [&] {
+    SQLite::Transaction transaction(impl_->db);
+    impl_->db.exec("UPDATE daemon SET starts = starts + 1");
+    const auto starts = static_cast<std::uint32_t>(impl_->db.execAndGet("SELECT starts FROM daemon").getInt64());
+    transaction.commit();
+    return starts;
   });
 }
 

@@ -1,7 +1,14 @@
-// The records of a site on disk: SQLite, one row a cycle.
+// The records of a site on disk: SQLite, one row a cycle, and what clients wrote.
 //
-// STATE/records.sqlite, WAL mode. Table `schema` has one row, `version` (now 1). Table `measurements`: id (order of
-// appending), bin, sequence, utc_ns (Unix time), valid (0 or 1), record (the JSON of daemon/record_json.h).
+// STATE/records.sqlite, WAL mode. Table `schema` has one row, `version` (now 2). Tables of version 1:
+//   measurements  id (order of appending), bin, sequence, utc_ns (Unix time), valid (0 or 1), record (the JSON of
+//                 daemon/record_json.h)
+// Added by version 2:
+//   states        bin, state (the JSON of daemon/bin_state.h): what a restart keeps of a bin
+//   journal       id, utc_ns, bin, who, what, before, after (JSON text or NULL): every change of a state, and what was
+//                 done to a bin by hand; written in one transaction with the state it led to
+//   daemon        one row, starts: how often the daemon has been started
+// A file of version 1 gains them when it is opened for writing; opened for reading it is read as it is.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +19,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "daemon/bin_state.h"
 #include "pipeline/types/measurement.h"
 
 namespace granary {
@@ -42,6 +50,16 @@ class Store {
   [[nodiscard]] std::uint64_t LastSequence(int bin) const;
   /// The newest `count` records, newest last, of one bin or of all. @throws StoreError
   [[nodiscard]] std::vector<Measurement> Last(std::size_t count, std::optional<int> bin = std::nullopt) const;
+
+  /// Replaces the state of `bin` and appends `entries` to the journal, all or nothing; safe on disk when it returns.
+  /// @throws StoreError
+  void Keep(int bin, const BinState& state, const std::vector<JournalEntry>& entries);
+  /// The state kept last; empty when none ever was. @throws StoreError, also for a damaged one
+  [[nodiscard]] std::optional<BinState> State(int bin) const;
+  /// The newest `count` entries of the journal, newest last, of one bin or of all. @throws StoreError
+  [[nodiscard]] std::vector<JournalEntry> Journal(std::size_t count, std::optional<int> bin = std::nullopt) const;
+  /// Counts one start of the daemon. @return all starts counted so far, this one too @throws StoreError
+  std::uint32_t CountStart();
 
  private:
   struct Impl;

@@ -32,7 +32,7 @@ void Worker::Start(const std::optional<BinSnapshot>& carried, std::uint64_t max_
   monitor_.Restore(carried);
   ended_ = false;
   thread_ = std::jthread([this, max_cycles](const std::stop_token& stop) {
-    monitor_.Open();
+    monitor_.Open();  // also when the bin is inhibited: a line that a crash left high falls
     Run(stop, max_cycles);
     monitor_.Close();
     ended_ = true;
@@ -61,10 +61,21 @@ void Worker::Run(const std::stop_token& stop, std::uint64_t max_cycles) {
   UtcTime next_at = FirstRun(schedule, start);
   std::uint64_t cycles = 0;
   while (!stop.stop_requested()) {
+    std::stop_source wake = monitor_.NextWake();
+    const std::stop_callback end_too(stop, [&wake] { wake.request_stop(); });
+    const auto pause = [&](std::chrono::milliseconds duration) {
+      static_cast<void>(clock_.Wait(wake.get_token(), duration));
+    };
     const UtcTime now = clock_.Now();
     const Due due = WhatIsDue(schedule, start, next_at, now);
     next_at = due.next_at;
-    if (!due.run || done_) {
+    if (monitor_.RestIfInhibited()) {
+      if (due.run) next_at = NextRun(schedule, start, now);
+      pause(kLookUp);
+      continue;
+    }
+    const bool asked = monitor_.TakeMeasure();
+    if (!asked && (!due.run || done_)) {
       monitor_.Idle(done_ ? std::nullopt : std::optional(next_at));
       if (!done_ && monitor_.TryAgain(stop)) {
         on_cycle_();
@@ -72,12 +83,13 @@ void Worker::Run(const std::stop_token& stop, std::uint64_t max_cycles) {
       }
       // Rounded up: waking a little too early would mean a second, empty turn.
       const auto left = std::chrono::ceil<std::chrono::milliseconds>(next_at - now);
-      if (!clock_.Wait(stop, done_ ? kLookUp : std::clamp(left, std::chrono::milliseconds{1}, kLookUp))) return;
+      pause(done_ ? kLookUp : std::clamp(left, std::chrono::milliseconds{1}, kLookUp));
       continue;
     }
-    if (!monitor_.RunCycle(stop)) return;
+    if (!monitor_.RunCycle(stop)) continue;  // ended, or inhibited
     next_at = NextRun(schedule, start, clock_.Now());
-    done_ = max_cycles > 0 && ++cycles >= max_cycles;
+    ++cycles;
+    done_ = done_ || (max_cycles > 0 && cycles >= max_cycles);
     monitor_.Idle(done_ ? std::nullopt : std::optional(next_at));
     on_cycle_();
   }

@@ -4,6 +4,7 @@
 
 #include <deque>
 
+#include "daemon/bin_lines.h"
 #include "daemon/worker.h"
 #include "tests/daemon/fakes.h"
 #include "tests/pipeline/temporary_folder.h"
@@ -32,7 +33,7 @@ struct Depot {
     setup.cycle.retry_delay = 2s;
     setup.rigs.emplace_back().options.projector.driver = ProjectorDriver::kSim;
     setup.configuration_hash = 0xC0FFEE;
-    setup.measure = [this](const std::vector<Shot>&) {
+    setup.measure = [this](const std::vector<Shot>&, const Inventory&) {
       Measurement verdict = verdicts.empty() ? Valid(0.019) : verdicts.front();
       if (!verdicts.empty()) verdicts.pop_front();
       return verdict;

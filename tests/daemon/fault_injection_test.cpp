@@ -165,7 +165,7 @@ Told Read(const Frame& frame) {
   return {static_cast<std::uint32_t>(told[0]) << 16 | told[1], told[2] == 1};
 }
 
-class Injection : public ::testing::TestWithParam<Timing> {
+class FaultInjection : public ::testing::TestWithParam<Timing> {
  protected:
   BinSetup MakeSetup() {
     BinSetup setup;
@@ -175,7 +175,7 @@ class Injection : public ::testing::TestWithParam<Timing> {
     setup.cycle.attempts = 2;
     setup.cycle.retry_delay = 2s;
     setup.rigs.emplace_back().options.projector.driver = ProjectorDriver::kGpio;
-    setup.measure = [this](const std::vector<Shot>& shots) { return Measure(shots.front().front()); };
+    setup.measure = [this](const std::vector<Shot>& shots, const Inventory&) { return Measure(shots.front().front()); };
     return setup;
   }
 
@@ -212,7 +212,7 @@ class Injection : public ::testing::TestWithParam<Timing> {
   int bad_pairs = 0;
 };
 
-TEST_P(Injection, GivesNoNumberOfABadPairAndMeasuresAgainWithinAMinute) {
+TEST_P(FaultInjection, GivesNoNumberOfABadPairAndMeasuresAgainWithinAMinute) {
   std::mt19937 random(20261122);
   Records records{folder.path(), clock};
   BinMonitor monitor(MakeSetup(), records, {&publisher}, clock, Opener());
@@ -278,7 +278,7 @@ std::string NameOf(const ::testing::TestParamInfo<Timing>& test) {
   return kTimings[static_cast<std::size_t>(test.param)];
 }
 
-INSTANTIATE_TEST_SUITE_P(Timings, Injection,
+INSTANTIATE_TEST_SUITE_P(Timings, FaultInjection,
                          ::testing::Values(Timing::kHostClock, Timing::kOwnClock, Timing::kCounterOnly), NameOf);
 
 }  // namespace

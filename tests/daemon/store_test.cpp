@@ -104,7 +104,7 @@ TEST(Store, RefusesAFileThatIsNoDatabase) {
 TEST(Store, RefusesASchemaOfLaterVersions) {
   TemporaryFolder folder;
   { const Store store(folder.path()); }
-  Execute(folder.path(), "UPDATE schema SET version = 2");
+  Execute(folder.path(), "UPDATE schema SET version = 3");
   EXPECT_THROW(Store(folder.path()), StoreError);
 }
 
