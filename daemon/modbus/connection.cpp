@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <system_error>
+#include <utility>
 
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 
 namespace granary {
@@ -16,65 +14,82 @@ namespace {
 
 constexpr std::size_t kChunkBytes = 4096;
 
-void SetOption(int socket, int level, int option, int value, const char* name) {
-  if (setsockopt(socket, level, option, &value, sizeof value) != 0) {
-    throw std::system_error(errno, std::generic_category(), std::string("setsockopt ") + name);
-  }
-}
-
 bool IsForLater(int error) { return error == EAGAIN || error == EWOULDBLOCK || error == EINTR; }
+
+void DropFront(std::vector<std::uint8_t>& bytes, std::size_t& count) {
+  bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(count));
+  count = 0;
+}
 
 }  // namespace
 
-Connection::Connection(FileDescriptor socket, std::string peer, SteadyTime now)
-    : socket_(std::move(socket)), peer_(std::move(peer)), last_active_(now), last_sent_(now) {
-  SetOption(socket_.Get(), SOL_SOCKET, SO_KEEPALIVE, 1, "SO_KEEPALIVE");
-  SetOption(socket_.Get(), IPPROTO_TCP, TCP_KEEPIDLE, 20, "TCP_KEEPIDLE");    // seconds
-  SetOption(socket_.Get(), IPPROTO_TCP, TCP_KEEPINTVL, 10, "TCP_KEEPINTVL");  // seconds
-  SetOption(socket_.Get(), IPPROTO_TCP, TCP_KEEPCNT, 3, "TCP_KEEPCNT");
-  SetOption(socket_.Get(), IPPROTO_TCP, TCP_USER_TIMEOUT, 20000, "TCP_USER_TIMEOUT");  // ms, for data not acknowledged
-  SetOption(socket_.Get(), IPPROTO_TCP, TCP_NODELAY, 1, "TCP_NODELAY");
-}
+Connection::Connection(FileDescriptor socket, std::string peer, SteadyTime now, std::optional<TlsSession> tls)
+    : socket_(std::move(socket)), peer_(std::move(peer)), tls_(std::move(tls)), last_active_(now), last_sent_(now) {}
 
 bool Connection::Receive() {
   std::array<std::uint8_t, kChunkBytes> chunk;
   const ssize_t got = recv(socket_.Get(), chunk.data(), chunk.size(), 0);
   if (got < 0) return IsForLater(errno);
   if (got == 0) ended_ = true;
-  received_.insert(received_.end(), chunk.begin(), chunk.begin() + got);
-  return true;
+  DropFront(received_, taken_);
+  const auto wire = std::span(chunk).first(static_cast<std::size_t>(got));
+  if (!tls_) {
+    received_.insert(received_.end(), wire.begin(), wire.end());
+    return true;
+  }
+  const bool was_in_handshake = InHandshake();
+  const bool sound = tls_->Take(wire, received_);
+  tls_->MoveWire(unsent_);
+  if (was_in_handshake && tls_->Secure()) peer_.append(" (").append(tls_->Client()).append(")");
+  return sound;
 }
 
 void Connection::Answer(const ModbusFrame& frame, std::span<const std::uint8_t> pdu, SteadyTime now) {
-  if (unsent_.empty()) last_sent_ = now;
-  AppendFrame(frame.transaction, frame.unit, pdu, unsent_);
-  received_.erase(received_.begin(), received_.begin() + static_cast<std::ptrdiff_t>(frame.bytes));
+  if (UnsentBytes() == 0) last_sent_ = now;
+  AppendFrame(frame.transaction, frame.unit, pdu, tls_ ? answers_ : unsent_);
+  taken_ += frame.bytes;
   frame_since_.reset();
   last_active_ = now;
-  has_asked_ = true;
+  if (!first_asked_) first_asked_ = now;
 }
 
 bool Connection::Send(SteadyTime now) {
+  if (!answers_.empty()) {
+    if (!tls_->Give(answers_)) return false;
+    answers_.clear();
+    tls_->MoveWire(unsent_);
+  }
   if (unsent_.empty()) return true;
-  const ssize_t sent = send(socket_.Get(), unsent_.data(), unsent_.size(), MSG_NOSIGNAL);
+  const ssize_t sent = send(socket_.Get(), unsent_.data() + sent_, unsent_.size() - sent_, MSG_NOSIGNAL);
   if (sent < 0) return IsForLater(errno);
   if (sent > 0) last_sent_ = now;
-  unsent_.erase(unsent_.begin(), unsent_.begin() + sent);
+  sent_ += static_cast<std::size_t>(sent);
+  // Not after every send: what is left would be moved over and over for a client that takes little at a time.
+  if (2 * sent_ >= unsent_.size()) DropFront(unsent_, sent_);
   return true;
 }
 
 void Connection::WatchFrame(SteadyTime now) {
-  if (received_.empty()) {
+  if (received_.size() == taken_) {
     frame_since_.reset();
   } else if (!frame_since_) {
     frame_since_ = now;
   }
 }
 
+void Connection::SayGoodbye(SteadyTime now) {
+  if (!tls_ || !tls_->Secure()) return;
+  tls_->End();
+  tls_->MoveWire(unsent_);
+  static_cast<void>(Send(now));  // it is closed next, whether it hears this or not
+}
+
 SteadyTime Connection::Deadline(const ModbusLimits& limits) const {
-  SteadyTime deadline = last_active_ + limits.idle_timeout;
+  SteadyTime deadline = last_active_ + (InHandshake() ? limits.handshake_deadline : limits.idle_timeout);
   if (frame_since_) deadline = std::min(deadline, *frame_since_ + limits.frame_deadline);
-  if (!unsent_.empty()) deadline = std::min(deadline, last_sent_ + limits.stall_deadline);
+  // A request may wait with nothing unsent: the socket took the answers before it, but has no room for more.
+  const bool owed = UnsentBytes() > 0 || Next().state == FrameState::kComplete;
+  if (owed) deadline = std::min(deadline, last_sent_ + limits.stall_deadline);
   return deadline;
 }
 

@@ -1,4 +1,4 @@
-// The Modbus TCP server.
+// The Modbus TCP server, plain or with TLS.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,7 @@
 #include "daemon/modbus/connection.h"
 #include "daemon/modbus/socket.h"
 #include "daemon/modbus/tally.h"
+#include "daemon/modbus/tls.h"
 #include "daemon/modbus/units.h"
 #include "daemon/options.h"
 
@@ -20,9 +21,10 @@ class ModbusServer {
   /// @param listener a listening TCP socket: from ListenTcp, or inherited (systemd)
   /// @param options `allow`, `write_allow` and `max_clients` are used; host and port are the listener's
   /// @param units, tally borrowed
+  /// @param tls empty for a server in the clear
   /// @throws std::invalid_argument for a network that is no CIDR; std::runtime_error when `listener` does not listen
   ModbusServer(FileDescriptor listener, const ModbusTcpOptions& options, ModbusUnits& units, ModbusTally& tally,
-               ModbusLimits limits = {});
+               ModbusLimits limits = {}, std::shared_ptr<const TlsContext> tls = nullptr);
   ~ModbusServer();
   ModbusServer(const ModbusServer&) = delete;
   ModbusServer& operator=(const ModbusServer&) = delete;

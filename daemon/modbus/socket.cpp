@@ -10,8 +10,10 @@
 #include <system_error>
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <unistd.h>
 
 namespace granary {
@@ -25,24 +27,15 @@ std::string CauseOf(int error, std::uint16_t port) {
   return cause;
 }
 
-/// The bytes of an address, IPv4-mapped IPv6 unwrapped; family 0 when it is neither.
-Network HostOf(const sockaddr_storage& peer) {
-  Network host{.family = 0};
-  if (peer.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(peer);
-    host.family = AF_INET;
-    std::memcpy(host.address.data(), &v4.sin_addr, 4);
-  } else if (peer.ss_family == AF_INET6) {
-    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(peer);
-    if (IN6_IS_ADDR_V4MAPPED(&v6.sin6_addr)) {
-      host.family = AF_INET;
-      std::memcpy(host.address.data(), v6.sin6_addr.s6_addr + 12, 4);
-    } else {
-      host.family = AF_INET6;
-      std::memcpy(host.address.data(), v6.sin6_addr.s6_addr, 16);
-    }
+void SetOption(int socket, int level, int option, int value, const char* name) {
+  if (setsockopt(socket, level, option, &value, sizeof value) != 0) {
+    throw std::system_error(errno, std::generic_category(), std::string("setsockopt ") + name);
   }
-  return host;
+}
+
+std::runtime_error CannotListen(const std::string& host, std::uint16_t port, const std::string& cause) {
+  const std::string shown = host.find(':') == std::string::npos ? host : "[" + host + "]";
+  return std::runtime_error("cannot listen on " + shown + ":" + std::to_string(port) + ": " + cause);
 }
 
 }  // namespace
@@ -51,42 +44,85 @@ FileDescriptor::~FileDescriptor() {
   if (fd_ >= 0) close(fd_);
 }
 
-FileDescriptor ListenTcp(const std::string& host, std::uint16_t port) {
-  const auto fail = [&](const std::string& cause) -> std::runtime_error {
-    const std::string shown = host.find(':') == std::string::npos ? host : "[" + host + "]";
-    return std::runtime_error("cannot listen on " + shown + ":" + std::to_string(port) + ": " + cause);
-  };
+sockaddr_storage ResolveListener(const std::string& host, std::uint16_t port) {
   addrinfo hints{};
   hints.ai_family = AF_UNSPEC;
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
   addrinfo* found = nullptr;
   if (const int error = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found); error != 0) {
-    throw fail(gai_strerror(error));
+    throw CannotListen(host, port, gai_strerror(error));
   }
   const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> list(found, &freeaddrinfo);
+  sockaddr_storage address{};
+  std::memcpy(&address, list->ai_addr, list->ai_addrlen);
+  return address;
+}
 
-  FileDescriptor listener(socket(list->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (listener.Get() < 0) throw fail(CauseOf(errno, port));
+FileDescriptor ListenTcp(const std::string& host, std::uint16_t port) {
+  const sockaddr_storage address = ResolveListener(host, port);
+  const auto fail = [&] { return CannotListen(host, port, CauseOf(errno, port)); };
+  FileDescriptor listener(socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (listener.Get() < 0) throw fail();
   const int on = 1, off = 0;
   // Without SO_REUSEADDR a restart fails for as long as old connections linger in TIME_WAIT.
-  if (setsockopt(listener.Get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0) throw fail(CauseOf(errno, port));
-  if (list->ai_family == AF_INET6 && setsockopt(listener.Get(), IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof off) != 0) {
-    throw fail(CauseOf(errno, port));
+  if (setsockopt(listener.Get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0) throw fail();
+  if (address.ss_family == AF_INET6 && setsockopt(listener.Get(), IPPROTO_IPV6, IPV6_V6ONLY, &off, sizeof off) != 0) {
+    throw fail();
   }
-  if (bind(listener.Get(), list->ai_addr, list->ai_addrlen) != 0) throw fail(CauseOf(errno, port));
-  if (listen(listener.Get(), SOMAXCONN) != 0) throw fail(CauseOf(errno, port));
+  const socklen_t size = address.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
+  if (bind(listener.Get(), reinterpret_cast<const sockaddr*>(&address), size) != 0) throw fail();
+  if (listen(listener.Get(), SOMAXCONN) != 0) throw fail();
   return listener;
 }
 
-std::uint16_t BoundPort(int socket) {
+sockaddr_storage BoundAddress(int socket) {
   sockaddr_storage bound{};
   socklen_t size = sizeof bound;
   if (getsockname(socket, reinterpret_cast<sockaddr*>(&bound), &size) != 0) {
     throw std::system_error(errno, std::generic_category(), "getsockname");
   }
-  return ntohs(bound.ss_family == AF_INET6 ? reinterpret_cast<const sockaddr_in6&>(bound).sin6_port
-                                           : reinterpret_cast<const sockaddr_in&>(bound).sin_port);
+  return bound;
+}
+
+std::uint16_t BoundPort(int socket) {
+  const sockaddr_storage bound = BoundAddress(socket);
+  // sin_port and sin6_port share their place.
+  return ntohs(reinterpret_cast<const sockaddr_in&>(bound).sin_port);
+}
+
+void PrepareListener(int listener) {
+  const int flags = fcntl(listener, F_GETFL);
+  if (flags < 0 || fcntl(listener, F_SETFL, flags | O_NONBLOCK) < 0) {
+    throw std::system_error(errno, std::generic_category(), "fcntl O_NONBLOCK");
+  }
+  // Linux hands these on to accepted sockets. Set here they cost a flood of newcomers nothing.
+  SetOption(listener, SOL_SOCKET, SO_KEEPALIVE, 1, "SO_KEEPALIVE");
+  SetOption(listener, SOL_SOCKET, SO_SNDBUF, 64 * 1024, "SO_SNDBUF");    // for clients that never read
+  SetOption(listener, IPPROTO_TCP, TCP_KEEPIDLE, 20, "TCP_KEEPIDLE");    // seconds
+  SetOption(listener, IPPROTO_TCP, TCP_KEEPINTVL, 10, "TCP_KEEPINTVL");  // seconds
+  SetOption(listener, IPPROTO_TCP, TCP_KEEPCNT, 3, "TCP_KEEPCNT");
+  SetOption(listener, IPPROTO_TCP, TCP_USER_TIMEOUT, 20000, "TCP_USER_TIMEOUT");  // ms, for data not acknowledged
+  SetOption(listener, IPPROTO_TCP, TCP_NODELAY, 1, "TCP_NODELAY");
+}
+
+Network HostOf(const sockaddr_storage& peer) {
+  Network host{.family = 0};
+  if (peer.ss_family == AF_INET) {
+    const auto& v4 = reinterpret_cast<const sockaddr_in&>(peer);
+    host = {.family = AF_INET, .prefix_bits = 32};
+    std::memcpy(host.address.data(), &v4.sin_addr, 4);
+  } else if (peer.ss_family == AF_INET6) {
+    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(peer);
+    if (IN6_IS_ADDR_V4MAPPED(&v6.sin6_addr)) {
+      host = {.family = AF_INET, .prefix_bits = 32};
+      std::memcpy(host.address.data(), v6.sin6_addr.s6_addr + 12, 4);
+    } else {
+      host = {.family = AF_INET6, .prefix_bits = 128};
+      std::memcpy(host.address.data(), v6.sin6_addr.s6_addr, 16);
+    }
+  }
+  return host;
 }
 
 std::optional<Network> ParseNetwork(std::string_view text) {

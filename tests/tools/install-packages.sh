@@ -10,7 +10,7 @@ packages=(
   libopencv-dev libpcl-dev libeigen3-dev libtbb-dev libhwy-dev             # pipeline
   libpng-dev zlib1g-dev
   libspdlog-dev libfmt-dev nlohmann-json3-dev                             # drivers and daemon
-  libmodbus-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
+  libmodbus-dev libssl-dev libsystemd-dev libsqlitecpp-dev libsqlite3-dev
   libhowardhinnant-date-dev tzdata libturbojpeg0-dev
   libgpiod-dev                                                            # the projector's line
   libaravis-dev                                                           # GenICam cameras; brings GLib and libusb

@@ -15,6 +15,7 @@ allowed='
   libmodbus libsystemd libgpiod                      # LGPL-2.1
   libaravis-0.8 libglib-2.0 libgobject-2.0 libgio-2.0           # LGPL-2.1
   libSQLiteCpp libsqlite3                            # MIT, public domain
+  libssl libcrypto                                   # Apache-2.0
   libturbojpeg                                       # IJG and BSD-3
   libpng16 libz libzstd                              # libpng, zlib, BSD
   libasan libubsan libtsan                           # the sanitizer presets
