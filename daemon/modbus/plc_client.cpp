@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include "daemon/fault_log.h"
@@ -86,7 +87,7 @@ class PlcClient::Loop {
       try {
         HaveLink(stop);
         PushDue();
-        ReadBooks();
+        ReadBooks(stop);
         Succeed();
       } catch (const std::runtime_error& error) {
         if (!stop.stop_requested()) Lose(error.what());
@@ -206,24 +207,34 @@ class PlcClient::Loop {
     }
   }
 
-  void ReadBooks() {
+  void ReadBooks(const std::stop_token& stop) {
     if (!options_.book_base || Steady::now() < books_at_) return;
-    const NewestSnapshots newest = Newest();
-    // Before the reading: a PLC that does not survive it is asked again after the whole interval, and pushed to before.
     books_at_ = Steady::now() + options_.book_every;
-    for (std::size_t bin = 0; bin < bins_.size(); ++bin) {
-      if (!newest[bin]) continue;
-      if (!newest[bin]->book.writable) {
-        SayOfBook(bins_[bin], spdlog::level::warn,
-                  "its book data are not read: book_source = \"file\" wins, those of the configuration stay");
-        continue;
-      }
-      const int address = *options_.book_base + static_cast<int>(bin) * kPlcBookWords;
-      try {
-        Weigh(bin, DecodePlcBook(link_->Read(address, kPlcBookWords), options_.byte_order));
-      } catch (const PlcRefusal& refusal) {
-        SayOfBook(bins_[bin], spdlog::level::err, refusal.what());
-      }
+    try {
+      for (std::size_t bin = 0; bin < bins_.size(); ++bin) ReadBook(bin);
+      if (books_fault_.Clear()) spdlog::info("{}: its book data can be read again", name_);
+    } catch (const PlcLinkError& error) {
+      // Not as Lose does it: a PLC that takes blocks but does not survive a read is asked again after the interval, and
+      // pushed to meanwhile.
+      if (stop.stop_requested()) return;
+      Drop();
+      ++tally_.plc_failures;
+      if (books_fault_.Raise(error.what(), Steady::now())) spdlog::warn("{}: {}; trying again", name_, error.what());
+    }
+  }
+
+  void ReadBook(std::size_t bin) {
+    const auto newest = Newest()[bin];
+    if (!newest) return;
+    if (!newest->book.writable) {
+      return SayOfBook(bins_[bin], spdlog::level::warn,
+                       "its book data are not read: book_source = \"file\" wins, those of the configuration stay");
+    }
+    const int address = *options_.book_base + static_cast<int>(bin) * kPlcBookWords;
+    try {
+      Weigh(bin, DecodePlcBook(link_->Read(address, kPlcBookWords), options_.byte_order));
+    } catch (const PlcRefusal& refusal) {
+      SayOfBook(bins_[bin], spdlog::level::err, refusal.what());
     }
   }
 
@@ -280,7 +291,7 @@ class PlcClient::Loop {
   std::unique_ptr<PlcLink> link_;
   PlcAgenda agenda_;
   Backoff backoff_;
-  FaultLog link_fault_;
+  FaultLog link_fault_, books_fault_;
   bool said_where_ = false;
   SteadyTime retry_at_ = SteadyTime::min();
   SteadyTime books_at_ = SteadyTime::min();

@@ -2,6 +2,8 @@
 #include "daemon/modbus/plc_block.h"
 
 #include <bit>
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -85,6 +87,17 @@ TEST(EncodePlcBlock, InvalidPolicyIsTheSnapshots) {
   snapshot.format.invalid = InvalidPolicy::kMinus9999;
   const auto words = Encoded(LayOutPlcBlock({"volume"}), snapshot, ByteOrder::kAbcd);
   EXPECT_EQ(std::bit_cast<float>(test::U32At(words.data())), -9999.0F);
+}
+
+TEST(LayOutPlcBlock, ManualHasTheWholeSummary) {
+  std::ifstream file(GRANARY_DOCS_DIR "/modbus-plc.md");
+  const std::string manual{std::istreambuf_iterator<char>(file), {}};
+  for (const auto& field : LayOutPlcBlock({}).fields) {
+    const RegisterRow& row = *field.row;
+    const std::string unit = row.unit.empty() ? "" : " " + std::string(row.unit);
+    EXPECT_THAT(manual, HasSubstr("| " + std::to_string(field.offset) + " | " + std::string(NameOf(row.type)) + " | `" +
+                                  std::string(row.name) + "` |" + unit + " | "));
+  }
 }
 
 ModbusPlcOptions Plc() {

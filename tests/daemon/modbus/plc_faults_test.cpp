@@ -343,7 +343,7 @@ TEST_F(PlcClientTest, BookSourceFileIsLoggedOnce) {
 }
 
 TEST_F(PlcClientTest, PlcThatDiesOnReadingIsPushedToAllTheSame) {
-  // It takes writes; for each read it is silent.
+  const CapturedLog log;
   options_.timeout = 100ms;
   options_.book_base = 400;
   options_.book_every = 10ms;
@@ -354,6 +354,8 @@ TEST_F(PlcClientTest, PlcThatDiesOnReadingIsPushedToAllTheSame) {
   ASSERT_TRUE(Eventually([&] { return tally_.Read().plc_failures >= 2; }));
   client_->Publish(Snapshot(3, 2));
   EXPECT_TRUE(Eventually([&] { return plc.At(100) == 2; }));
+  client_.reset();
+  EXPECT_EQ(CountOf(log.Text(), "read of holding registers 400 to 403: no answer within 100 ms"), 1) << log.Text();
 }
 
 }  // namespace
