@@ -19,10 +19,10 @@ namespace granary {
 
 /// What to make up; what is empty follows from the rest, or is unknown.
 struct Injection {
-  std::optional<double> volume_m3;           ///< empty: that of the last good figure
-  std::optional<double> error_rate_percent;  ///< empty: follows from volume and book data
-  std::optional<double> level_mean_m;        ///< empty: volume over the floor's area
-  std::optional<double> temperature_c;
+  std::optional<double> volume_m3{};           ///< empty: that of the last good figure
+  std::optional<double> error_rate_percent{};  ///< empty: follows from volume and book data
+  std::optional<double> level_mean_m{};        ///< empty: volume over the floor's area
+  std::optional<double> temperature_c{};
   Reason reason = Reason::kOk;  ///< another: the cycle failed with it, and the figure is held
 };
 

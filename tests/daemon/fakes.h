@@ -139,8 +139,24 @@ inline auto FakeOpener(std::shared_ptr<FakeBench> bench, const Clock& clock) {
 class FakePublisher : public Publisher {
  public:
   [[nodiscard]] std::string_view Name() const override { return "fake"; }
-  void Publish(const BinSnapshot& snapshot) override { snapshots.push_back(snapshot); }
-  std::vector<BinSnapshot> snapshots;
+  void Publish(const BinSnapshot& snapshot) override {
+    const std::scoped_lock lock(mutex_);
+    snapshots.push_back(snapshot);
+    changed_.notify_all();
+  }
+  /// Blocks until the newest snapshot is as wanted; @return it, or empty after a minute, which is a hang.
+  template <typename Wanted>
+  [[nodiscard]] std::optional<BinSnapshot> Await(Wanted wanted) {
+    std::unique_lock lock(mutex_);
+    const bool came = changed_.wait_for(lock, std::chrono::minutes{1},
+                                        [&] { return !snapshots.empty() && wanted(snapshots.back()); });
+    return came ? std::optional(snapshots.back()) : std::nullopt;
+  }
+  std::vector<BinSnapshot> snapshots;  ///< to be read while nobody publishes
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
 };
 
 /// A valid measurement of this volume, ±0.0001 m³.
