@@ -15,67 +15,35 @@
 namespace granary {
 namespace {
 
-constexpr std::uint8_t kReadDiscreteInputs = 2;
-constexpr std::uint8_t kReadHoldingRegisters = 3;
-constexpr std::uint8_t kReadInputRegisters = 4;
-constexpr std::uint8_t kReportServerId = 17;
-constexpr std::uint8_t kEncapsulated = 43;
 constexpr std::uint8_t kMeiIdentification = 14;
 
 constexpr int kMaxReadRegisters = 125;
 constexpr int kMaxReadBits = 2000;
 
-int WordAt(std::span<const std::uint8_t> bytes, std::size_t index) { return (bytes[index] << 8) | bytes[index + 1]; }
-
-struct Block {
-  int address, count;
-};
-
-Block BlockOf(std::span<const std::uint8_t> request) { return {WordAt(request, 1), WordAt(request, 3)}; }
-
-Pdu ReadRegisters(std::span<const std::uint8_t> request, const RegisterSource& source) {
+/// @param limit bits that there are
+Pdu ReadBits(std::span<const std::uint8_t> request, std::uint64_t bits, int limit) {
   if (request.size() != 5) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
-  const Block block = BlockOf(request);
-  if (block.count < 1 || block.count > kMaxReadRegisters) {
-    return ExceptionPdu(request[0], ModbusException::kIllegalValue);
-  }
-  if (block.address + block.count > kRegisterCount) return ExceptionPdu(request[0], ModbusException::kIllegalAddress);
-  const RegisterImage image = EncodeRegisters(source);
-  Pdu reply{request[0], static_cast<std::uint8_t>(2 * block.count)};
-  for (int i = 0; i < block.count; ++i) {
-    const std::uint16_t word = image[block.address + i];
-    reply.push_back(static_cast<std::uint8_t>(word >> 8));
-    reply.push_back(static_cast<std::uint8_t>(word));
+  const int address = WordAt(request, 1), count = WordAt(request, 3);
+  if (count < 1 || count > kMaxReadBits) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
+  if (address + count > limit) return ExceptionPdu(request[0], ModbusException::kIllegalAddress);
+  const auto bytes = static_cast<std::uint8_t>((count + 7) / 8);
+  Pdu reply(2 + std::size_t{bytes});
+  reply[0] = request[0];
+  reply[1] = bytes;
+  for (int i = 0; i < count; ++i) {
+    if ((bits >> (address + i)) & 1) reply[2 + i / 8] |= static_cast<std::uint8_t>(1 << (i % 8));
   }
   return reply;
 }
 
-Pdu ReadBits(std::span<const std::uint8_t> request, const RegisterSource& source) {
-  if (request.size() != 5) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
-  const Block block = BlockOf(request);
-  if (block.count < 1 || block.count > kMaxReadBits) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
-  if (block.address + block.count > kDiscreteInputCount) {
-    return ExceptionPdu(request[0], ModbusException::kIllegalAddress);
-  }
-  const std::uint64_t bits = CoilBits(source.snapshot);
-  const auto bytes = static_cast<std::uint8_t>((block.count + 7) / 8);
-  Pdu reply{request[0], bytes};
-  reply.resize(2 + bytes, 0);
-  for (int i = 0; i < block.count; ++i) {
-    if ((bits >> (block.address + i)) & 1) reply[2 + i / 8] |= static_cast<std::uint8_t>(1 << (i % 8));
-  }
-  return reply;
-}
-
-Pdu ServerId(std::span<const std::uint8_t> request, const RegisterSource& source) {
-  const ModbusIdentity& identity = source.identity;
-  std::string text = identity.product + " " + identity.version + ", " + identity.site + ", " + source.snapshot.bin.name;
+Pdu ServerId(std::span<const std::uint8_t> request, const UnitView& unit) {
+  const ModbusIdentity& identity = unit.identity;
+  std::string text = identity.product + " " + identity.version + ", " + identity.site + ", " + unit.bin.name;
   text.resize(CutText(text, 200).size());
   constexpr std::uint8_t kRunning = 0xFF;
   Pdu reply;
   reply.reserve(4 + text.size());
-  reply = {request[0], static_cast<std::uint8_t>(2 + text.size()), static_cast<std::uint8_t>(source.snapshot.bin.id),
-           kRunning};
+  reply = {request[0], static_cast<std::uint8_t>(2 + text.size()), static_cast<std::uint8_t>(unit.bin.id), kRunning};
   reply.insert(reply.end(), text.begin(), text.end());
   return reply;
 }
@@ -86,7 +54,7 @@ struct IdentityObject {
 };
 
 /// Basic objects are 0–2, regular ones up to 0x7F, extended ones from 0x80; FC43/14, §6.21.
-Pdu Identification(std::span<const std::uint8_t> request, const RegisterSource& source) {
+Pdu Identification(std::span<const std::uint8_t> request, const UnitView& unit) {
   if (request.size() < 2 || request[1] != kMeiIdentification) {
     return ExceptionPdu(request[0], ModbusException::kIllegalFunction);
   }
@@ -95,10 +63,10 @@ Pdu Identification(std::span<const std::uint8_t> request, const RegisterSource& 
   constexpr std::uint8_t kBasic = 1, kRegular = 2, kIndividual = 4;  // 3: extended
   if (code < kBasic || code > kIndividual) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
 
-  const ModbusIdentity& identity = source.identity;
+  const ModbusIdentity& identity = unit.identity;
   const IdentityObject objects[] = {{0x00, identity.vendor},  {0x01, identity.product},
                                     {0x02, identity.version}, {0x04, "Granary volume monitor"},
-                                    {0x80, identity.site},    {0x81, source.snapshot.bin.name}};
+                                    {0x80, identity.site},    {0x81, unit.bin.name}};
   const int last_id = code == kBasic ? 0x02 : code == kRegular ? 0x7F : 0xFF;
   auto first = std::find_if(std::begin(objects), std::end(objects), [&](const auto& o) { return o.id == wanted; });
   if (code == kIndividual) {
@@ -136,17 +104,34 @@ Pdu ExceptionPdu(std::uint8_t function, ModbusException code) {
   return {static_cast<std::uint8_t>(function | 0x80), static_cast<std::uint8_t>(code)};
 }
 
-Pdu AnswerRequest(std::span<const std::uint8_t> request, const RegisterSource& source) {
+Pdu ReadRegisters(std::span<const std::uint8_t> request, const RegisterImage& registers) {
+  if (request.size() != 5) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
+  const int address = WordAt(request, 1), count = WordAt(request, 3);
+  if (count < 1 || count > kMaxReadRegisters) return ExceptionPdu(request[0], ModbusException::kIllegalValue);
+  if (address + count > kRegisterCount) return ExceptionPdu(request[0], ModbusException::kIllegalAddress);
+  Pdu reply(2 + 2 * static_cast<std::size_t>(count));
+  reply[0] = request[0];
+  reply[1] = static_cast<std::uint8_t>(2 * count);
+  for (int i = 0; i < count; ++i) {
+    reply[2 + 2 * i] = static_cast<std::uint8_t>(registers[address + i] >> 8);
+    reply[3 + 2 * i] = static_cast<std::uint8_t>(registers[address + i]);
+  }
+  return reply;
+}
+
+Pdu AnswerRequest(std::span<const std::uint8_t> request, const UnitView& unit) {
   switch (request[0]) {
-    case kReadDiscreteInputs:
-      return ReadBits(request, source);
-    case kReadHoldingRegisters:
-    case kReadInputRegisters:
-      return ReadRegisters(request, source);
-    case kReportServerId:
-      return ServerId(request, source);
-    case kEncapsulated:
-      return Identification(request, source);
+    case function_code::kReadCoils:
+      return ReadBits(request, unit.coils, kCoilCount);
+    case function_code::kReadDiscreteInputs:
+      return ReadBits(request, unit.coils, kDiscreteInputCount);
+    case function_code::kReadHoldingRegisters:
+    case function_code::kReadInputRegisters:
+      return ReadRegisters(request, unit.registers);
+    case function_code::kReportServerId:
+      return ServerId(request, unit);
+    case function_code::kEncapsulated:
+      return Identification(request, unit);
     default:
       return ExceptionPdu(request[0], ModbusException::kIllegalFunction);
   }

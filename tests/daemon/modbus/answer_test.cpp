@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "daemon/modbus/framing.h"
+#include "daemon/modbus/status.h"
 #include "tests/daemon/modbus/snapshots.h"
 
 namespace granary {
@@ -12,8 +13,8 @@ namespace {
 
 Pdu Ask(const Pdu& request, const BinSnapshot& snapshot = test::GoodSnapshot(),
         const ModbusIdentity& identity = test::kIdentity) {
-  const ModbusCounters counters;
-  return AnswerRequest(request, {snapshot, test::kMeasuredAt, identity, counters});
+  const auto image = EncodeRegisters({snapshot, test::kMeasuredAt, identity, {}});
+  return AnswerRequest(request, {image, CoilBits(snapshot), identity, snapshot.bin});
 }
 
 Pdu Read(std::uint8_t function, int address, int count) {
@@ -64,8 +65,26 @@ TEST(AnswerRequest, DiscreteInputsEndAt47) {
   EXPECT_EQ(Ask(Read(2, 0, 2001)), (Pdu{0x82, 3}));
 }
 
-TEST(AnswerRequest, WritingAndCoilsAreNotServed) {
-  for (const std::uint8_t function : {1, 5, 6, 8, 15, 16, 22, 23, 100}) {
+TEST(AnswerRequest, CoilsAreTheDiscreteInputsAndThreeMore) {
+  auto snapshot = test::HeldSnapshot(Reason::kFrameMissing);
+  snapshot.maintenance = true;
+  EXPECT_EQ(Ask(Read(1, 0, 16), snapshot), (Pdu{1, 2, 0x22, 0x10}));
+  EXPECT_EQ(Ask(Read(1, 48, 3), snapshot), (Pdu{1, 1, 0b100}));
+  EXPECT_EQ(Ask(Read(1, 0, 51)).size(), 9U);
+  EXPECT_EQ(Ask(Read(1, 0, 52)), (Pdu{0x81, 2}));
+  EXPECT_EQ(Ask(Read(1, 0, 0)), (Pdu{0x81, 3}));
+}
+
+TEST(AnswerRequest, BitsFollowTheSnapshotInEveryByteOrder) {
+  auto snapshot = test::GoodSnapshot();
+  snapshot.good->abnormal = true;
+  const auto plain = Ask(Read(2, 0, 48), snapshot);
+  snapshot.format.byte_order = ByteOrder::kDcba;
+  EXPECT_EQ(Ask(Read(2, 0, 48), snapshot), plain);
+}
+
+TEST(AnswerRequest, OtherFunctionsAreNotServed) {
+  for (const std::uint8_t function : {0, 7, 8, 11, 20, 21, 24, 100}) {
     EXPECT_EQ(Ask({function, 0, 0, 0, 1}), (Pdu{static_cast<std::uint8_t>(function | 0x80), 1})) << int{function};
   }
 }
