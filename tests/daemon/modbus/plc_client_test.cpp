@@ -141,6 +141,7 @@ TEST_F(PlcClientTest, ConnectionClosedWhileIdleIsNoFailure) {
     client_->Publish(Snapshot(3, n));
     ASSERT_TRUE(plc.AwaitWrites(n));
     ASSERT_TRUE(Eventually([&] { return tally_.Read().plc_pushes == n; }));
+    ASSERT_TRUE(plc.AwaitClosed(static_cast<int>(n)));
   }
   EXPECT_EQ(plc.Connections(), 3);
   EXPECT_EQ(tally_.Read().plc_failures, 0U);

@@ -114,6 +114,10 @@ class FakePlc {
   bool AwaitReads(int count) {
     return Await([&] { return reads_ >= count; });
   }
+  /// Connections that have ended, on this side too.
+  bool AwaitClosed(int count) {
+    return Await([&] { return closed_ >= count; });
+  }
   /// Connections that the client has reset instead of closed.
   bool AwaitResets(int count) {
     return Await([&] { return resets_ >= count; });
@@ -143,7 +147,11 @@ class FakePlc {
       poll(polled.data(), polled.size(), Drips() ? kDripMs : -1);
       if ((polled[1].revents & POLLIN) != 0) Accept(clients);
       for (std::size_t i = 2; i < polled.size(); ++i) {
-        if (polled[i].revents != 0 && !Turn(clients.at(polled[i].fd))) clients.erase(polled[i].fd);
+        if (polled[i].revents == 0 || Turn(clients.at(polled[i].fd))) continue;
+        clients.erase(polled[i].fd);
+        const std::scoped_lock lock(mutex_);
+        ++closed_;
+        changed_.notify_all();
       }
       if (Drips()) {
         for (const auto& [fd, client] : clients) Drip(fd);
@@ -264,7 +272,7 @@ class FakePlc {
   std::map<int, std::uint16_t> stuck_;
   std::array<std::uint16_t, 65536> registers_{};
   std::vector<Written> writes_;
-  int requests_ = 0, reads_ = 0, connections_ = 0, resets_ = 0;
+  int requests_ = 0, reads_ = 0, connections_ = 0, closed_ = 0, resets_ = 0;
 
   std::jthread thread_;
 };
