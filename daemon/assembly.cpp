@@ -73,6 +73,38 @@ Reference TakeSimulatedReference(const BinConfig& options, const std::vector<Rig
   return std::move(*run.reference);
 }
 
+/// Reads or takes the references and builds the pipeline.
+void PrepareBin(const BinConfig& options, const std::filesystem::path& state_folder, const RigOpener& open,
+                std::vector<RigSetup> rigs, BinSetup& setup) {
+  Refusal refusal;
+  for (std::size_t i = 0; i < rigs.size(); ++i) {
+    const auto folder = ReferenceFolder(state_folder, options.bin.id, rigs[i].name);
+    Refusal fault;
+    rigs[i].reference = StoredReference(folder, rigs[i], fault);
+    if (!rigs[i].reference && IsSimulated(options.rigs[i])) {
+      rigs[i].reference = TakeSimulatedReference(options, rigs, i, setup.rigs[i], folder, open);
+    } else if (fault.reason != Reason::kOk) {
+      refusal = fault;
+    }
+    if (rigs[i].reference) setup.configuration_hash = Fnv1a(rigs[i].reference->hash, setup.configuration_hash);
+  }
+
+  if (refusal.reason != Reason::kOk) {
+    setup.measure = [refusal](const std::vector<Shot>&, const Inventory&) {
+      Measurement verdict;
+      verdict.reason = refusal.reason;
+      verdict.detail = refusal.detail;
+      return verdict;
+    };
+    return;
+  }
+  auto pipeline = std::make_shared<const Pipeline>(options.bin, std::move(rigs), options.pipeline);
+  for (const auto& note : pipeline->Notes()) spdlog::warn("bin {} {}: {}", options.bin.id, options.bin.name, note);
+  setup.measure = [pipeline](const std::vector<Shot>& shots, const Inventory& inventory) {
+    return pipeline->RunShots(shots, inventory, SteadyMilliseconds).measurement;
+  };
+}
+
 }  // namespace
 
 BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& state_folder, const RigOpener& open,
@@ -88,46 +120,18 @@ BinSetup AssembleBin(const BinConfig& options, const std::filesystem::path& stat
   // Asked once here, so that an unknown time zone is refused now and not in the worker.
   static_cast<void>(FirstRun(options.schedule, UtcTime{}));
 
-  std::uint32_t hash = Fnv1a(configuration, 2166136261U);
+  setup.configuration_hash = Fnv1a(configuration, 2166136261U);
   std::vector<RigSetup> rigs;
   for (const auto& rig : options.rigs) {
     RigSetup& added = rigs.emplace_back();
     added.name = rig.name;
     added.calibration = LoadStereoCalibration(rig.calibration);
     added.world_from_left = LoadWorldFromLeft(rig.pose);
-    hash = Fnv1a(ReadBytes(rig.pose), Fnv1a(ReadBytes(rig.calibration), hash));
+    setup.configuration_hash = Fnv1a(ReadBytes(rig.pose), Fnv1a(ReadBytes(rig.calibration), setup.configuration_hash));
     setup.rigs.push_back({rig, {options.bin, added.calibration, added.world_from_left, false}});
     setup.simulated = setup.simulated && IsSimulated(rig);
   }
-
-  Refusal refusal;
-  for (std::size_t i = 0; i < rigs.size(); ++i) {
-    const auto folder = ReferenceFolder(state_folder, options.bin.id, rigs[i].name);
-    Refusal fault;
-    rigs[i].reference = StoredReference(folder, rigs[i], fault);
-    if (!rigs[i].reference && IsSimulated(options.rigs[i])) {
-      rigs[i].reference = TakeSimulatedReference(options, rigs, i, setup.rigs[i], folder, open);
-    } else if (fault.reason != Reason::kOk) {
-      refusal = fault;
-    }
-    if (rigs[i].reference) hash = Fnv1a(rigs[i].reference->hash, hash);
-  }
-  setup.configuration_hash = hash;
-
-  if (refusal.reason != Reason::kOk) {
-    setup.measure = [refusal](const std::vector<Shot>&, const Inventory&) {
-      Measurement verdict;
-      verdict.reason = refusal.reason;
-      verdict.detail = refusal.detail;
-      return verdict;
-    };
-    return setup;
-  }
-  auto pipeline = std::make_shared<const Pipeline>(options.bin, std::move(rigs), options.pipeline);
-  for (const auto& note : pipeline->Notes()) spdlog::warn("bin {} {}: {}", options.bin.id, options.bin.name, note);
-  setup.measure = [pipeline](const std::vector<Shot>& shots, const Inventory& inventory) {
-    return pipeline->RunShots(shots, inventory, SteadyMilliseconds).measurement;
-  };
+  setup.prepare = [=](BinSetup& prepared) { PrepareBin(options, state_folder, open, rigs, prepared); };
   return setup;
 }
 

@@ -85,6 +85,15 @@ void BinMonitor::Restore(const std::optional<BinSnapshot>& carried) {
   });
 }
 
+void BinMonitor::Prepare() {
+  if (!setup_.prepare) return;
+  setup_.prepare(setup_);
+  const std::scoped_lock lock(mutex_);
+  snapshot_.configuration_hash = setup_.configuration_hash;
+  // Of a monitor that is not restored yet nobody has heard.
+  if (taking_) PublishSnapshot();
+}
+
 void BinMonitor::RestoreState(const std::optional<BinSnapshot>& carried, BinSnapshot& s) {
   const std::optional<BinState> known = records_.State(setup_.bin.id);
   const BinState state = known.value_or(BinState{});

@@ -35,6 +35,9 @@ struct BinSetup {
   int shots = 1;  ///< a measurement
   /// The pipeline over the shots of one measurement, compared with these book data.
   std::function<Measurement(const std::vector<Shot>&, const Inventory&)> measure;
+  /// What is slow, and waits until held figures are served: sets `measure` and `configuration_hash`. Empty: they are
+  /// set already.
+  std::function<void(BinSetup&)> prepare;
   Inventory inventory;  ///< of the file; in force until a client commits others
   BookSource book_source = BookSource::kRegisters;
   RegisterFormat format;                 ///< until a client writes another
@@ -53,6 +56,8 @@ class BinMonitor {
   /// is inhibited, and it rests until it is released.
   /// @param carried the snapshot of the monitor that this one replaces (same bin, new configuration)
   void Restore(const std::optional<BinSnapshot>& carried = std::nullopt);
+  /// The setup's own `prepare`, and what it changes published. Before the first cycle. @throws as it does
+  void Prepare();
   /// Opens the rigs before the first cycle, so that a line that a crash left high falls, and trouble is told now and
   /// not at the first scheduled time.
   void Open();

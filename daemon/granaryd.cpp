@@ -13,6 +13,7 @@
 #include "config/config.h"
 #include "daemon/assembly.h"
 #include "daemon/clock.h"
+#include "daemon/inherited_sockets.h"
 #include "daemon/log.h"
 #include "daemon/record_json.h"
 #include "daemon/records.h"
@@ -65,6 +66,7 @@ int Serve(const std::filesystem::path& file, std::uint64_t cycles) {
   granary::Records records(granary::StateFolder(), clock);
   granary::ServiceOptions options;
   options.version = GRANARY_VERSION;
+  options.listeners = granary::InheritedListeners();
   options.cycles = cycles;
   options.load = [&] { return LoadPlan(file, records.folder()); };
   granary::Service service(std::move(options), records, clock, granary::OpenRig);

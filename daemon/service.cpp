@@ -16,8 +16,10 @@
 #include <system_error>
 #include <utility>
 
+#include "daemon/inherited_sockets.h"
+#include "daemon/local_commands.h"
 #include "daemon/log.h"
-#include "daemon/modbus/server.h"
+#include "daemon/modbus/front.h"
 #include "daemon/systemd.h"
 #include "daemon/worker.h"
 
@@ -36,13 +38,35 @@ FileDescriptor Checked(int descriptor, const char* operation) {
   return FileDescriptor(descriptor);
 }
 
-/// Until the workers take commands.
-class NoControl : public BinControl {
+/// Hands what clients ask to the bin they mean.
+class BinSwitchboard : public BinControl {
  public:
-  bool Ask(int, BinCommand, const std::string&) override { return false; }
-  bool CommitBook(int, const BookData&, const std::string&) override { return false; }
-  bool SetFormat(int, const RegisterFormat&, const std::string&) override { return false; }
+  /// Before any server starts.
+  void Add(BinMonitor& monitor) { monitors_.push_back(&monitor); }
+  bool Ask(int bin, BinCommand command, const std::string& who) override {
+    return With(bin, [&](BinMonitor& monitor) { return monitor.Ask(command, who); });
+  }
+  bool CommitBook(int bin, const BookData& book, const std::string& who) override {
+    return With(bin, [&](BinMonitor& monitor) { return monitor.CommitBook(book, who); });
+  }
+  bool SetFormat(int bin, const RegisterFormat& format, const std::string& who) override {
+    return With(bin, [&](BinMonitor& monitor) { return monitor.SetFormat(format, who); });
+  }
+
+ private:
+  bool With(int bin, const std::function<bool(BinMonitor&)>& ask) const {
+    const auto found = std::find_if(monitors_.begin(), monitors_.end(),
+                                    [&](const BinMonitor* monitor) { return monitor->setup().bin.id == bin; });
+    return found != monitors_.end() && ask(**found);
+  }
+
+  std::vector<BinMonitor*> monitors_;
 };
+
+/// Empty for none.
+FileDescriptor Copy(const FileDescriptor& descriptor) {
+  return descriptor.Get() < 0 ? FileDescriptor() : Checked(dup(descriptor.Get()), "dup");
+}
 
 bool SameListener(const ModbusTcpOptions& a, const ModbusTcpOptions& b) { return a.host == b.host && a.port == b.port; }
 
@@ -54,17 +78,17 @@ void BlockSignals() {
     throw std::system_error(errno, std::generic_category(), "sigmask");
 }
 
-/// One configuration at work. The order matters: workers end before the server that they publish to.
+/// One configuration at work. The order matters: the servers end before the bins that they ask, and these are stopped
+/// before the units that they publish to go.
 struct Service::Running {
   std::string log_level;
   ModbusOptions modbus;
-  FileDescriptor listener;
-  NoControl control;
-  ModbusTally tally;
-  std::unique_ptr<ModbusUnits> units;
-  std::unique_ptr<ModbusServer> server;
+  FileDescriptor tcp, tls;
+  BinSwitchboard control;
   std::vector<std::unique_ptr<Worker>> workers;
+  std::unique_ptr<ModbusFront> front;
 
+  ~Running() { Stop(); }
   void Stop() {
     for (auto& worker : workers) worker->RequestStop();
     for (auto& worker : workers) worker->Stop();
@@ -73,6 +97,11 @@ struct Service::Running {
     const auto found = std::find_if(workers.begin(), workers.end(),
                                     [&](const auto& worker) { return worker->monitor().setup().bin.id == bin; });
     return found == workers.end() ? nullptr : found->get();
+  }
+  [[nodiscard]] std::vector<BinMonitor*> Monitors() const {
+    std::vector<BinMonitor*> monitors;
+    for (const auto& worker : workers) monitors.push_back(&worker->monitor());
+    return monitors;
   }
 };
 
@@ -92,9 +121,19 @@ std::unique_ptr<Service::Running> Service::Build(const Running* before) {
   next->modbus = plan.modbus;
   // The address first: it is the quickest to be refused. An address that stays keeps its socket, so that no client
   // meets a closed door between two configurations.
-  next->listener = before != nullptr && SameListener(before->modbus.tcp, plan.modbus.tcp)
-                       ? Checked(dup(before->listener.Get()), "dup")
-                       : ListenTcp(plan.modbus.tcp.host, plan.modbus.tcp.port);
+  const auto listener = [&](const ModbusTcpOptions& wanted, const ModbusTcpOptions* old, const FileDescriptor* held) {
+    return old != nullptr && SameListener(*old, wanted) ? Copy(*held)
+                                                        : TakeListener(options_.listeners, wanted.host, wanted.port);
+  };
+  next->tcp = listener(plan.modbus.tcp, before ? &before->modbus.tcp : nullptr, before ? &before->tcp : nullptr);
+  if (plan.modbus.tls) {
+    const bool had = before != nullptr && before->modbus.tls;
+    next->tls = listener(plan.modbus.tls->tcp, had ? &before->modbus.tls->tcp : nullptr, had ? &before->tls : nullptr);
+  }
+  std::vector<HostPort> end_points{{plan.modbus.tcp.host, plan.modbus.tcp.port}};
+  if (plan.modbus.tls) end_points.push_back({plan.modbus.tls->tcp.host, plan.modbus.tls->tcp.port});
+  RequireAllServed(options_.listeners, end_points);
+
   std::vector<BinSetup> setups = plan.assemble();
   std::vector<Bin> bins;
   for (const auto& setup : setups) bins.push_back(setup.bin);
@@ -102,32 +141,54 @@ std::unique_ptr<Service::Running> Service::Build(const Running* before) {
   identity.version = options_.version;
   identity.site = plan.site_name;
   identity.serial = static_cast<std::uint32_t>(plan.modbus.serial);
-  next->units = std::make_unique<ModbusUnits>(std::move(identity), bins, next->control, next->tally);
-  next->server = std::make_unique<ModbusServer>(Checked(dup(next->listener.Get()), "dup"), plan.modbus.tcp,
-                                                *next->units, next->tally);
+  next->front = std::make_unique<ModbusFront>(plan.modbus, std::move(identity), bins, next->control);
   const auto wake = [descriptor = wake_.Get()] {
     const std::uint64_t one = 1;
     // Only fails when the counter is full, and then the loop is awake already.
     [[maybe_unused]] const auto written = write(descriptor, &one, sizeof one);
   };
   for (auto& setup : setups) {
-    next->workers.push_back(std::make_unique<Worker>(std::move(setup), records_,
-                                                     std::vector<Publisher*>{next->units.get()}, clock_, open_, wake));
+    next->workers.push_back(
+        std::make_unique<Worker>(std::move(setup), records_, next->front->Publishers(), clock_, open_, wake));
+    next->control.Add(next->workers.back()->monitor());
   }
+  if (before == nullptr) {
+    // Held figures are served while references are still being read.
+    for (auto& worker : next->workers) worker->monitor().Restore();
+    next->front->Listen(Copy(next->tcp), Copy(next->tls));
+  }
+  for (auto& worker : next->workers) worker->monitor().Prepare();
   return next;
 }
 
-void Service::Begin(Running& next, const Running* before) {
+void Service::Begin(Running& next, Running* before) {
   SetLogLevel(next.log_level);
   for (auto& worker : next.workers) {
     Worker* const old = before == nullptr ? nullptr : before->Find(worker->monitor().setup().bin.id);
-    worker->Start(old == nullptr ? std::nullopt : std::optional(old->monitor().Snapshot()), options_.cycles);
+    if (before != nullptr) {
+      worker->monitor().Restore(old == nullptr ? std::nullopt : std::optional(old->monitor().Snapshot()));
+    }
+    worker->Start(options_.cycles);
   }
+  if (before != nullptr) before->front->CloseLine();
+  next.front->OpenLine();
   spdlog::info("Modbus TCP on {}, records and references in {}",
-               PrintHostPort({next.modbus.tcp.host, next.server->Port()}), records_.folder().string());
+               PrintHostPort({next.modbus.tcp.host, next.front->Port()}), records_.folder().string());
   for (const auto& worker : next.workers) {
     const BinSetup& setup = worker->monitor().setup();
     spdlog::info("unit {}: {}{}", setup.bin.id, setup.bin.name, setup.simulated ? " (SIMULATED)" : "");
+  }
+}
+
+void Service::OpenControlSocket() {
+  const auto answer = [this](const nlohmann::json& request, const std::string& who) {
+    const std::scoped_lock lock(swap_);
+    return AnswerLocal(request, who, running_->Monitors());
+  };
+  try {
+    control_socket_ = std::make_unique<ControlSocket>(ControlFolder(records_.folder()), answer);
+  } catch (const std::runtime_error& error) {
+    spdlog::error("granaryctl cannot reach this daemon: {}", error.what());
   }
 }
 
@@ -142,8 +203,9 @@ void Service::BeginReload() {
     auto next = Build(running_.get());
     // Clients that meet the new server while the old workers end see the last figures, not "no measurement yet".
     for (const auto& snapshot : Snapshots()) {
-      if (next->Find(snapshot.bin.id) != nullptr) next->units->Publish(snapshot);
+      if (next->Find(snapshot.bin.id) != nullptr) next->front->units().Publish(snapshot);
     }
+    next->front->Listen(Copy(next->tcp), Copy(next->tls));
     running_->Stop();
     return next;
   });
@@ -153,7 +215,10 @@ void Service::EndReload() {
   try {
     auto next = reloading_.get();
     Begin(*next, running_.get());
-    running_ = std::move(next);
+    {
+      const std::scoped_lock lock(swap_);
+      running_.swap(next);
+    }
     spdlog::info("the configuration was read anew and is in force");
   } catch (const std::exception& error) {
     spdlog::error("the configuration was read anew and refused, the old one stays in force:\n{}", error.what());
@@ -186,6 +251,7 @@ std::vector<BinSnapshot> Service::Run() {
   using std::chrono::milliseconds;
   running_ = Build(nullptr);
   Begin(*running_, nullptr);
+  OpenControlSocket();
   NotifySystemd("READY=1\nSTATUS=" + StatusText(Snapshots()));
 
   constexpr std::chrono::seconds kTick{1};
@@ -221,6 +287,7 @@ std::vector<BinSnapshot> Service::Run() {
   if (reloading_.valid()) reloading_.wait();  // it may be stopping the same workers
   running_->Stop();
   std::vector<BinSnapshot> last = Snapshots();
+  control_socket_.reset();
   running_.reset();
   return last;
 }

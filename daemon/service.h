@@ -5,11 +5,13 @@
 #include <functional>
 #include <future>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
 #include "daemon/bin_monitor.h"
 #include "daemon/clock.h"
+#include "daemon/control_socket.h"
 #include "daemon/modbus/socket.h"
 #include "daemon/options.h"
 #include "daemon/records.h"
@@ -25,14 +27,15 @@ struct ServicePlan {
   std::string site_name;
   std::string log_level = "info";
   ModbusOptions modbus;
-  /// Builds what measures; slow. Throws as AssembleBin does.
+  /// Reads what the bins need; their `prepare` is the slow rest. Throws as AssembleBin does.
   std::function<std::vector<BinSetup>()> assemble;
 };
 
 struct ServiceOptions {
   std::string version;
-  std::uint64_t cycles = 0;           ///< end by itself after so many of every bin; 0: never
-  std::function<ServicePlan()> load;  ///< reads the configuration; throws with everything that is wrong with it
+  std::vector<FileDescriptor> listeners;  ///< sockets that systemd opened; each must be one that the plan asks for
+  std::uint64_t cycles = 0;               ///< end by itself after so many of every bin; 0: never
+  std::function<ServicePlan()> load;      ///< reads the configuration; throws with everything that is wrong with it
 };
 
 /// Everything is called from the main thread.
@@ -52,7 +55,8 @@ class Service {
   struct Running;
 
   [[nodiscard]] std::unique_ptr<Running> Build(const Running* before);
-  void Begin(Running& next, const Running* before);
+  void Begin(Running& next, Running* before);
+  void OpenControlSocket();
   void BeginReload();
   void EndReload();
   void Tick();
@@ -64,7 +68,9 @@ class Service {
   RigOpener open_;
   FileDescriptor signals_, wake_;
   bool progress_ = true;
+  std::mutex swap_;  // held while `running_` changes, and by the local socket while it uses it
   std::unique_ptr<Running> running_;
+  std::unique_ptr<ControlSocket> control_socket_;  // after `running_`: its thread uses it
   bool reload_again_ = false;
   std::future<std::unique_ptr<Running>> reloading_;  // last: its thread uses what stands above
 };

@@ -28,8 +28,7 @@ Worker::Worker(BinSetup setup, Records& records, std::vector<Publisher*> publish
 
 Worker::~Worker() { Stop(); }
 
-void Worker::Start(const std::optional<BinSnapshot>& carried, std::uint64_t max_cycles) {
-  monitor_.Restore(carried);
+void Worker::Start(std::uint64_t max_cycles) {
   ended_ = false;
   thread_ = std::jthread([this, max_cycles](const std::stop_token& stop) {
     monitor_.Open();  // also when the bin is inhibited: a line that a crash left high falls

@@ -22,8 +22,9 @@ class Worker {
   /// Stops.
   ~Worker();
 
+  /// To be called once the monitor is restored and prepared.
   /// @param max_cycles 0: without end; after so many the worker idles
-  void Start(const std::optional<BinSnapshot>& carried = std::nullopt, std::uint64_t max_cycles = 0);
+  void Start(std::uint64_t max_cycles = 0);
   /// Asks the thread to end and returns at once.
   void RequestStop() noexcept;
   /// Returns when the thread has ended and its devices are closed, projectors off. Interrupts a capture that blocks.

@@ -313,7 +313,8 @@ TEST(Worker, RunsItsCyclesOnSchedule) {
                   ++cycles;
                   changed.notify_all();
                 });
-  worker.Start(std::nullopt, 3);
+  worker.monitor().Restore();
+  worker.Start(3);
   {
     std::unique_lock lock(mutex);
     changed.wait(lock, [&] { return cycles == 3; });
@@ -328,6 +329,7 @@ TEST(Worker, StopsDuringABlockedGrab) {
   Depot depot;
   depot.bench->block_grab = true;
   Worker worker(depot.Setup(), depot.records, {&depot.publisher}, depot.clock, FakeOpener(depot.bench, depot.clock));
+  worker.monitor().Restore();
   worker.Start();
   {
     std::unique_lock lock(depot.bench->mutex);

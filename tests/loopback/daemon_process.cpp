@@ -28,7 +28,8 @@ std::string ReadAll(const std::filesystem::path& file) {
 
 }  // namespace
 
-DaemonProcess::DaemonProcess(const std::filesystem::path& folder, const std::vector<std::string>& arguments)
+DaemonProcess::DaemonProcess(const std::filesystem::path& folder, const std::vector<std::string>& arguments,
+                             int listener)
     : folder_(folder) {
   std::vector<char*> argv{const_cast<char*>(GRANARYD)};
   for (const auto& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
@@ -43,6 +44,13 @@ DaemonProcess::DaemonProcess(const std::filesystem::path& folder, const std::vec
     if (exists(folder / "notify")) setenv("NOTIFY_SOCKET", (folder / "notify").c_str(), 1);
     dup2(open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDOUT_FILENO);
     dup2(open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
+    if (listener >= 0) {
+      constexpr int kFirstListener = 3;  // sd_listen_fds(3)
+      dup2(listener, kFirstListener);    // of the same number: only the flag would stay
+      fcntl(kFirstListener, F_SETFD, 0);
+      setenv("LISTEN_FDS", "1", 1);
+      setenv("LISTEN_PID", std::to_string(getpid()).c_str(), 1);
+    }
     execv(GRANARYD, argv.data());
     _exit(127);
   }

@@ -18,7 +18,8 @@ class DaemonProcess {
   /// Starts granaryd with these arguments.
   /// @param folder gets stdout.txt and stderr.txt; its "state" is the daemon's $STATE_DIRECTORY, its "notify",
   ///   where there is one, the $NOTIFY_SOCKET
-  DaemonProcess(const std::filesystem::path& folder, const std::vector<std::string>& arguments);
+  /// @param listener a socket to hand over as systemd does; -1: none
+  DaemonProcess(const std::filesystem::path& folder, const std::vector<std::string>& arguments, int listener = -1);
   ~DaemonProcess();
   DaemonProcess(const DaemonProcess&) = delete;
   DaemonProcess& operator=(const DaemonProcess&) = delete;
