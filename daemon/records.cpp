@@ -22,14 +22,14 @@ void Records::Append(Measurement& measurement) {
 std::optional<Measurement> Records::LastGood(int bin) {
   const std::scoped_lock lock(mutex_);
   std::optional<Measurement> good;
-  Use([&](Store& store) { good = store.LastGood(bin); });
+  Read([&](const Store& store) { good = store.LastGood(bin); });
   return good;
 }
 
 std::optional<BinState> Records::State(int bin) {
   const std::scoped_lock lock(mutex_);
   std::optional<BinState> state;
-  if (Use([&](Store& store) { state = store.State(bin); })) return state.value_or(BinState{});
+  if (Read([&](const Store& store) { state = store.State(bin); })) return state.value_or(BinState{});
   std::error_code unreachable;  // then there is none
   if (std::filesystem::exists(folder_ / "records.sqlite", unreachable)) return std::nullopt;
   return BinState{};
@@ -46,6 +46,16 @@ std::optional<std::uint32_t> Records::Restarts() {
   const std::scoped_lock lock(mutex_);
   if (!restarts_) Use([&](Store& store) { restarts_ = store.CountStart() - 1; });
   return restarts_;
+}
+
+bool Records::Read(const std::function<void(const Store&)>& work) {
+  if (Use(work)) return true;
+  try {
+    work(Store(folder_, Store::Access::kReadFullDisk));
+  } catch (const StoreError&) {
+    return false;  // Use has told of the trouble
+  }
+  return true;
 }
 
 void Records::NoteKept() {

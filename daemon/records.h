@@ -39,6 +39,8 @@ class Records {
  private:
   /// Runs `work(store)`; @return false when the store failed
   bool Use(const std::function<void(Store&)>& work);
+  /// The same for work that only reads, which a full disk does not stop either.
+  bool Read(const std::function<void(const Store&)>& work);
   void NoteKept();
 
   std::filesystem::path folder_;

@@ -24,6 +24,33 @@ std::filesystem::path MakeFolder(const std::filesystem::path& folder, Store::Acc
   return folder / "records.sqlite";
 }
 
+/// What SQLite is to open, and how.
+std::string Target(const std::filesystem::path& file, Store::Access access) {
+  if (access != Store::Access::kReadFullDisk) return file.string();
+  std::error_code absent;
+  if (const auto unmerged = std::filesystem::file_size(file.string() + "-wal", absent); !absent && unmerged > 0) {
+    throw StoreError("store " + file.string() + ": open: was not closed in order");
+  }
+  std::string uri = "file:";
+  for (const char c : file.string()) {
+    // These three mean something in a URI.
+    uri += c == '%' ? "%25" : c == '?' ? "%3f" : c == '#' ? "%23" : std::string(1, c);
+  }
+  return uri + "?immutable=1";
+}
+
+int FlagsOf(Store::Access access) {
+  switch (access) {
+    case Store::Access::kWrite:
+      return SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE;
+    case Store::Access::kReadFullDisk:
+      return SQLite::OPEN_READONLY | SQLite::OPEN_URI;
+    case Store::Access::kRead:
+      break;
+  }
+  return SQLite::OPEN_READONLY;
+}
+
 nlohmann::ordered_json Parse(const std::string& text) {
   try {
     return nlohmann::ordered_json::parse(text);
@@ -50,10 +77,7 @@ struct Store::Impl {
   int version = 0;  ///< of the file
 
   Impl(const std::filesystem::path& folder, Access access)
-      : file(MakeFolder(folder, access)),
-        db(file.string(),
-           access == Access::kWrite ? SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE : SQLite::OPEN_READONLY,
-           kBusyTimeout_ms) {}
+      : file(MakeFolder(folder, access)), db(Target(file, access), FlagsOf(access), kBusyTimeout_ms) {}
 
   void Prepare() {
     db.exec("PRAGMA journal_mode = WAL");

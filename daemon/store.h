@@ -36,7 +36,9 @@ class StoreError : public std::runtime_error {
 /// Any thread may call any method. Several processes may have it open, one of them writing.
 class Store {
  public:
-  enum class Access { kRead, kWrite };
+  /// kReadFullDisk: reads a file that was closed in order without writing a byte beside it, which SQLite else does even
+  /// for reading; nobody may write it meanwhile. It refuses a file that was not: its newest rows would be missing.
+  enum class Access { kRead, kWrite, kReadFullDisk };
   /// Opens FOLDER/records.sqlite; kWrite creates both when absent.
   /// @throws StoreError, also for a schema newer than this program
   explicit Store(const std::filesystem::path& folder, Access access = Access::kWrite);

@@ -5,6 +5,7 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -133,6 +134,52 @@ TEST(Records, TellAnUnreadableStateFromNone) {
   EXPECT_EQ(Records(folder.Write("blocked", "a file where a folder should be") / "state", clock).State(1), BinState{});
   folder.Write("records.sqlite", std::string(4096, 'x'));
   EXPECT_FALSE(Records(folder.path(), clock).State(1));
+}
+
+/// While it lives the process can write nothing to files, as on a full disk.
+class FullDisk {
+ public:
+  FullDisk() {
+    signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit none{.rlim_cur = 0, .rlim_max = before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &none);
+  }
+  ~FullDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+
+ private:
+  rlimit before_{};
+};
+
+TEST(Records, AreReadFromADiskThatIsFull) {
+  TemporaryFolder folder;
+  FakeClock clock;
+  const auto inner = folder / "50% #1?";
+  {
+    Store store(inner);
+    store.Append(Valid(0.019, clock.Now()));
+    store.Keep(1, State(1000), {});
+  }
+  Records records(inner, clock);
+  std::optional<BinState> state;
+  std::optional<Measurement> good;
+  {
+    const FullDisk full;
+    EXPECT_THROW(static_cast<void>(Store(inner, Store::Access::kRead).LastSequence(1)),
+                 StoreError);  // the disk is full indeed
+    state = records.State(1);
+    good = records.LastGood(1);
+  }
+  ASSERT_TRUE(state && good);
+  EXPECT_TRUE(state->inhibition);
+  EXPECT_EQ(good->volume_m3, 0.019);
+}
+
+TEST(Store, ReadsNoFullDiskThatLostItsDaemon) {
+  TemporaryFolder folder;
+  Store running(folder.path());
+  running.Append(Valid(0.019));
+  EXPECT_THROW(Store(folder.path(), Store::Access::kReadFullDisk), StoreError);
 }
 
 TEST(Records, DoNotKnowTheRestartsWithoutAStore) {
