@@ -26,7 +26,7 @@ void DropFront(std::vector<std::uint8_t>& bytes, std::size_t& count) {
 Connection::Connection(FileDescriptor socket, std::string peer, SteadyTime now, std::optional<TlsSession> tls)
     : socket_(std::move(socket)), peer_(std::move(peer)), tls_(std::move(tls)), last_active_(now), last_sent_(now) {}
 
-bool Connection::Receive() {
+bool Connection::Receive(SteadyTime now) {
   std::array<std::uint8_t, kChunkBytes> chunk;
   const ssize_t got = recv(socket_.Get(), chunk.data(), chunk.size(), 0);
   if (got < 0) return IsForLater(errno);
@@ -40,7 +40,10 @@ bool Connection::Receive() {
   const bool was_in_handshake = InHandshake();
   const bool sound = tls_->Take(wire, received_);
   tls_->MoveWire(unsent_);
-  if (was_in_handshake && tls_->Secure()) peer_.append(" (").append(tls_->Client()).append(")");
+  if (was_in_handshake && tls_->Secure()) {
+    peer_.append(" (").append(tls_->Client()).append(")");
+    last_active_ = now;
+  }
   return sound;
 }
 

@@ -35,7 +35,7 @@ class Connection {
   Connection(FileDescriptor socket, std::string peer, SteadyTime now, std::optional<TlsSession> tls = std::nullopt);
 
   /// Takes what has arrived, up to one chunk. @return false when the connection is broken
-  [[nodiscard]] bool Receive();
+  [[nodiscard]] bool Receive(SteadyTime now);
   /// The frame that the received bytes begin with; valid until Answer or Receive.
   [[nodiscard]] ModbusFrame Next() const { return ParseFrame(std::span(received_).subspan(taken_)); }
   /// Drops a frame from the received bytes, answered with `pdu`.
@@ -53,7 +53,9 @@ class Connection {
   [[nodiscard]] bool Ended() const { return ended_ || (tls_ && tls_->Ended()); }  ///< the client sends no more
   [[nodiscard]] bool HasAsked() const { return first_asked_.has_value(); }        ///< it has sent a complete request
   [[nodiscard]] std::optional<SteadyTime> FirstAsked() const { return first_asked_; }
-  [[nodiscard]] SteadyTime LastActive() const { return last_active_; }  ///< newest complete request, or the connect
+  [[nodiscard]] SteadyTime LastActive() const {
+    return last_active_;
+  }  ///< newest complete request; before it the connect or handshake
   [[nodiscard]] const std::string& Peer() const { return peer_; }
   [[nodiscard]] int Socket() const { return socket_.Get(); }
 

@@ -169,7 +169,7 @@ class ModbusServer::Loop {
   bool Turn(Client& client, std::uint32_t events, SteadyTime now) {
     Connection& connection = client.connection;
     if ((events & EPOLLERR) != 0) return false;
-    if ((events & (EPOLLIN | EPOLLHUP)) != 0 && MayReceive(connection) && !connection.Receive()) {
+    if ((events & (EPOLLIN | EPOLLHUP)) != 0 && MayReceive(connection) && !connection.Receive(now)) {
       NoteTlsFault(connection, now);
       static_cast<void>(connection.Send(now));  // TLS says why it goes
       return false;

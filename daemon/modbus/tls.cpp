@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <climits>
 #include <filesystem>
 #include <stdexcept>
 #include <string_view>
@@ -15,7 +14,9 @@
 #include <openssl/asn1.h>
 #include <openssl/bio.h>
 #include <openssl/err.h>
+#include <openssl/evp.h>
 #include <openssl/objects.h>
+#include <openssl/pem.h>
 #include <openssl/x509.h>
 #include <openssl/x509v3.h>
 
@@ -28,6 +29,7 @@ constexpr const char* kRoleOid = "1.3.6.1.4.1.50316.802.1";  // Source: MB-TCP-S
 
 struct FreeOpenSsl {
   void operator()(BIO* bio) const { BIO_free(bio); }
+  void operator()(EVP_PKEY* key) const { EVP_PKEY_free(key); }
   void operator()(ASN1_TYPE* type) const { ASN1_TYPE_free(type); }
   void operator()(ASN1_OBJECT* object) const { ASN1_OBJECT_free(object); }
 };
@@ -84,14 +86,12 @@ int NoPassphrase(char*, int, int, void* asked) {
   return 0;
 }
 
-void LoadKey(SSL_CTX* context, const std::filesystem::path& file) {
+Owned<EVP_PKEY> ReadKey(const std::filesystem::path& file) {
   RequireReadable("key", file);
   bool asked = false;
-  SSL_CTX_set_default_passwd_cb(context, NoPassphrase);
-  SSL_CTX_set_default_passwd_cb_userdata(context, &asked);
-  const int loaded = SSL_CTX_use_PrivateKey_file(context, file.c_str(), SSL_FILETYPE_PEM);
-  SSL_CTX_set_default_passwd_cb_userdata(context, nullptr);
-  if (loaded == 1) return;
+  const Owned<BIO> pem(BIO_new_file(file.c_str(), "r"));
+  Owned<EVP_PKEY> key(pem ? PEM_read_bio_PrivateKey(pem.get(), nullptr, NoPassphrase, &asked) : nullptr);
+  if (key) return key;
   const std::string words = Words();
   throw FileFault("key", file,
                   asked ? "needs a passphrase, for which a daemon cannot ask: " + words : "is no key in PEM: " + words);
@@ -120,8 +120,7 @@ TlsContext::TlsContext(const ModbusTlsOptions& options)
     throw FileFault("certificate", options.certificate, "is no certificate in PEM: " + Words());
   }
   RequireCurrent(options.certificate, SSL_CTX_get0_certificate(context));
-  LoadKey(context, options.key);
-  if (SSL_CTX_check_private_key(context) != 1) {
+  if (SSL_CTX_use_PrivateKey(context, ReadKey(options.key).get()) != 1) {
     throw FileFault("key", options.key, "does not belong to " + options.certificate.string() + ": " + Words());
   }
   RequireReadable("client_ca", options.client_ca);

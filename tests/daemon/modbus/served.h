@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 
 #include "daemon/modbus/server.h"
 #include "tests/daemon/modbus/recording_control.h"
@@ -11,9 +12,10 @@
 namespace granary::test {
 
 struct Served {
-  explicit Served(ModbusLimits limits = {}, const ModbusTcpOptions& options = {})
+  explicit Served(ModbusLimits limits = {}, const ModbusTcpOptions& options = {},
+                  std::shared_ptr<const TlsContext> tls = nullptr)
       : units(kIdentity, {GoodSnapshot().bin}, control, tally),
-        server(ListenTcp("127.0.0.1", 0), options, units, tally, limits) {
+        server(ListenTcp("127.0.0.1", 0), options, units, tally, limits, std::move(tls)) {
     units.Publish(GoodSnapshot());
   }
   [[nodiscard]] std::uint16_t Port() const { return server.Port(); }
