@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "daemon/modbus/options.h"
+
 namespace granary {
 namespace {
 
@@ -167,7 +169,8 @@ const Section<ModbusOptions>& ModbusSection() {
   return section;
 }
 
-std::vector<std::string> BinFaults(const Config& config) {
+/// What no table can tell alone.
+std::vector<std::string> WholeFaults(const Config& config) {
   std::vector<std::string> faults;
   if (config.bins.empty()) faults.emplace_back("bin: is missing; must be at least one [[bin]]");
   for (std::size_t i = 0; i < config.bins.size(); ++i) {
@@ -177,6 +180,11 @@ std::vector<std::string> BinFaults(const Config& config) {
       faults.push_back("bin[" + std::to_string(i) + "].id: is " + std::to_string(id) + ", which is bin[" +
                        std::to_string(j) + "]'s already; must be unique, 1 to 247");
       break;
+    }
+  }
+  if (config.modbus.plc) {
+    for (const auto& fault : PlcFaults(*config.modbus.plc, config.bins.size())) {
+      faults.push_back("modbus.plc." + fault);
     }
   }
   return faults;
@@ -194,7 +202,7 @@ const Section<Config>& ConfigSection() {
        Table<Config>("log", Whole(), LogSection(), "What is logged."),
        Table<Config>("modbus", &Config::modbus, ModbusSection(), "Modbus servers and clients."),
        Tables<Config>("bin", &Config::bins, BinSection(), "One bin; at least one is needed.")},
-      BinFaults};
+      WholeFaults};
   return section;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/modbus/options.h"
 #include "daemon/modbus/registers.h"
 #include "daemon/options.h"
 
@@ -42,10 +43,5 @@ struct PlcBlock {
 
 /// "volume" for the words that `offset` lies in, "reserved" where no field is.
 [[nodiscard]] std::string NameInPlcBlock(const PlcBlock& block, int offset);
-
-/// What is wrong with the options for so many bins, beyond what Faults(const ModbusPlcOptions&) can tell: unknown
-/// fields, blocks that overlap each other or the book data, or that do not fit below register 65536. One "key: what,
-/// what is allowed" each; empty when all is well.
-[[nodiscard]] std::vector<std::string> PlcFaults(const ModbusPlcOptions& options, std::size_t bins);
 
 }  // namespace granary
