@@ -45,6 +45,9 @@ Expected ExpectIdentification(const Bytes& pdu) {
 }
 
 Expected Expect(int unit, const Bytes& pdu) {
+  constexpr std::array<std::uint8_t, 6> kWrites{5, 6, 15, 16, 22, 23};
+  // Before the unit: who may not write learns nothing.
+  if (std::find(kWrites.begin(), kWrites.end(), pdu[0]) != kWrites.end()) return {.exception = 1};
   if (unit != 0 && unit != 255 && unit != kUnit) return {.exception = 0x0B};
   switch (pdu[0]) {
     case 1:
@@ -59,7 +62,7 @@ Expected Expect(int unit, const Bytes& pdu) {
     case 43:
       return ExpectIdentification(pdu);
     default:
-      return {.exception = 1};  // what is not served, and what would write
+      return {.exception = 1};
   }
 }
 

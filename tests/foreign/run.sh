@@ -38,7 +38,7 @@ python=/usr/bin/python3
 has() {
   case $1 in
     mbpoll) command -v mbpoll >/dev/null ;;
-    pymodbus) "$python" -c 'import pymodbus' 2>/dev/null ;;
+    pymodbus) "$python" -c 'from pymodbus.client import ModbusTcpClient' 2>/dev/null ;;
     modbus-serial) command -v node >/dev/null && [[ -d $modules/node_modules/modbus-serial ]] ;;
     node-red) command -v node >/dev/null && [[ -d $modules/node_modules/node-red-contrib-modbus ]] ;;
   esac
@@ -186,7 +186,7 @@ for client in "${clients[@]}"; do
       grep '^\$' "$work/out"
       compare "pymodbus, 900" < <(grep -v '^\$' "$work/out")
       pymodbus refused
-      grep -m 1 -oE 'modbus.*(write|FC).*127\.0\.0\.2.*' "$work/granaryd.log" | sed 's/^/log: /' || true
+      grep -m 1 -o 'modbus: 127.0.0.2.*' "$work/granaryd.log" | sed 's/^/log: /' || { echo "no log line" && failed=1; }
       ;;
     modbus-serial)
       node -p "'modbus-serial ' + require('$modules/node_modules/modbus-serial/package.json').version + ', node ' + process.version"
@@ -195,6 +195,7 @@ for client in "${clients[@]}"; do
       compare modbus-serial < <(grep -v '^\$' "$work/out")
       ;;
     node-red)
+      before=$failed
       node -p "['node-red', 'node-red-contrib-modbus'].map(p => p + ' ' + require('$modules/node_modules/' + p + '/package.json').version).join(', ') + ', node ' + process.version"
       mkdir -p "$work/node-red"
       ln -sfn "$modules/node_modules" "$work/node-red/node_modules"
@@ -214,7 +215,7 @@ for client in "${clients[@]}"; do
       node_red=''
       touch "$work/out.node-red"
       compare node-red < <(sort -u -k 1,1 "$work/out.node-red")
-      [[ $failed -eq 0 ]] || cat "$work/node-red.log" >&2
+      [[ $failed -eq $before ]] || cat "$work/node-red.log" >&2
       ;;
   esac
 done

@@ -16,6 +16,7 @@ packages=(
   libaravis-dev                                                           # GenICam cameras; brings GLib and libusb
   libtomlplusplus-dev libcli11-dev                                        # config and granaryctl
   libgtest-dev libgmock-dev libbenchmark-dev binutils mbpoll              # tests; mbpoll also reads the demo
+  python3-pymodbus python3-serial-asyncio                                 # tests: a Modbus client that is not ours
   iproute2                                                                # the network of ./demo --gige
   gnuplot-nox                                                             # run by granaryctl sweep and the benchmarks
 )
