@@ -67,7 +67,7 @@ int Cameras(const GlobalOptions& global) {
     for (const FoundCamera& camera : found) document.push_back(ToJson(camera));
     PrintJson(document);
   }
-  return trouble.empty() ? kDone : kFailed;
+  return trouble.empty() ? kExitDone : kExitFailed;
 }
 
 }  // namespace

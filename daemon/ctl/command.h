@@ -15,11 +15,11 @@ class App;
 
 namespace granary {
 
-inline constexpr int kDone = 0;
-inline constexpr int kFailed = 1;
-inline constexpr int kBadUsage = 2;
+inline constexpr int kExitDone = 0;
+inline constexpr int kExitFailed = 1;
+inline constexpr int kExitBadUsage = 2;
 
-/// The arguments ask for what cannot be; ends the program with kBadUsage.
+/// The arguments ask for what cannot be; ends the program with kExitBadUsage.
 class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
@@ -48,6 +48,10 @@ void AddMeter(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddSnapshot(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddHistory(CLI::App& app, const GlobalOptions& global, Command& chosen);
 void AddRegisters(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddModbus(CLI::App& app, const GlobalOptions& global, Command& chosen);
+void AddInject(CLI::App& modbus, const GlobalOptions& global, Command& chosen);
+/// alarm, inhibit and release.
+void AddControl(CLI::App& app, const GlobalOptions& global, Command& chosen);
 
 /// Null where it is not known.
 [[nodiscard]] nlohmann::ordered_json OrNull(const std::optional<double>& value);

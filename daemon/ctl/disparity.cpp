@@ -65,7 +65,7 @@ int Disparity(const GlobalOptions& global, const DisparityArguments& arguments) 
                {"valid_percent", valid_percent},
                {"match_ms", match_ms}});
   }
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ int FindOffset(const GlobalOptions& global, const OffsetArguments& arguments) {
   } else {
     std::printf("%s\n", text);
   }
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace

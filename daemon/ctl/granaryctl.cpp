@@ -28,9 +28,9 @@ int RunCommand(const Command& command, bool json) {
   try {
     return command();
   } catch (const UsageError& error) {
-    return End(kBadUsage, error.what(), json);
+    return End(kExitBadUsage, error.what(), json);
   } catch (const std::exception& error) {
-    return End(kFailed, error.what(), json);
+    return End(kExitFailed, error.what(), json);
   }
 }
 
@@ -59,6 +59,8 @@ int Main(int argc, char** argv) {
   AddSnapshot(app, global, chosen);
   AddHistory(app, global, chosen);
   AddRegisters(app, global, chosen);
+  AddModbus(app, global, chosen);
+  AddControl(app, global, chosen);
 
   try {
     app.parse(argc, argv);
@@ -68,13 +70,13 @@ int Main(int argc, char** argv) {
     const bool json =
         std::any_of(argv + 1, argv + argc, [](const char* text) { return text == std::string_view("--json"); });
     Say("Run granaryctl --help, or granaryctl COMMAND --help.");
-    return End(kBadUsage, error.what(), json);
+    return End(kExitBadUsage, error.what(), json);
   }
   const int code = RunCommand(chosen, global.json);
   std::cout.flush();
   if (!std::cout) {
     Say("granaryctl: standard output cannot be written");
-    return kFailed;
+    return kExitFailed;
   }
   return code;
 }

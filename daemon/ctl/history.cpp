@@ -44,11 +44,11 @@ int History(const GlobalOptions& global, const HistoryArguments& arguments) {
     auto document = nlohmann::ordered_json::array();
     for (const Measurement& record : records) document.push_back(RecordToJson(record));
     PrintJson(document);
-    return kDone;
+    return kExitDone;
   }
   Say("bin  sequence  utc                      volume m3    ± u95       mass kg   error %  cover %  reason");
   for (const Measurement& record : records) Say(Row(record));
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace

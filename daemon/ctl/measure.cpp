@@ -35,7 +35,7 @@ int Measure(const GlobalOptions& global, const MeasureArguments& arguments) {
   Say(Summary(record, bin.config.bin));
   if (arguments.budget && record.budget) Say(BudgetTable(record));
   if (global.json) PrintJson(RecordToJson(record));
-  return record.valid ? kDone : kFailed;
+  return record.valid ? kExitDone : kExitFailed;
 }
 
 }  // namespace

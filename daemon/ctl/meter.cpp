@@ -169,7 +169,7 @@ int Meter(const GlobalOptions& global, const MeterArguments& arguments) {
   }
   out.End();
   if (global.json) PrintJson(trouble.empty() ? ToJson(reading) : nlohmann::ordered_json{{"error", trouble}});
-  return trouble.empty() ? kDone : kFailed;
+  return trouble.empty() ? kExitDone : kExitFailed;
 }
 
 }  // namespace

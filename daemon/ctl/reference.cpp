@@ -62,7 +62,7 @@ int TakeReferences(const GlobalOptions& global, const ReferenceArguments& argume
     taken.push_back(TakeOne(bin, 0, LoadShot(bin, arguments.files).front()));
   }
   if (global.json) PrintJson(taken.size() == 1 ? taken.front() : taken);
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace

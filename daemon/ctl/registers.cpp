@@ -7,9 +7,12 @@
 #include <iomanip>
 #include <ostream>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/ctl/registers_scada.h"
 #include "daemon/modbus/registers.h"
 #include "daemon/modbus/status.h"
 #include "pipeline/types/reason.h"
@@ -23,6 +26,9 @@ std::string TypeOf(const RegisterRow& row) {
   return type;
 }
 
+/// "r" or "rw".
+std::string_view AccessOf(const RegisterRow& row) { return row.access == RegisterAccess::kReadWrite ? "rw" : "r"; }
+
 /// Columns a person sees: UTF-8 continuation bytes take none.
 std::size_t Width(std::string_view text) {
   return static_cast<std::size_t>(std::count_if(
@@ -34,10 +40,10 @@ std::string Padded(std::string_view text, std::size_t width) {
 }
 
 void PrintText(std::ostream& out) {
-  out << "addr  type       name                 unit   meaning\n";
+  out << "addr  type       name                    unit          meaning\n";
   for (const auto& row : RegisterTable()) {
-    out << std::setw(4) << row.address << "  " << Padded(TypeOf(row), 9) << "  " << Padded(row.name, 19) << "  "
-        << Padded(row.unit, 5) << "  " << row.meaning << "\n";
+    out << std::setw(4) << row.address << "  " << Padded(TypeOf(row), 9) << "  " << Padded(row.name, 22) << "  "
+        << Padded(row.unit, 8) << "  " << Padded(AccessOf(row), 2) << "  " << row.meaning << "\n";
   }
   const auto bits = [&](std::string_view title, const auto& table) {
     out << "\n" << title << "\n";
@@ -59,19 +65,11 @@ void PrintText(std::ostream& out) {
   }
 }
 
-/// RFC 4180: quoted where it must be.
-std::string CsvField(std::string_view text) {
-  if (text.find_first_of(",\"\n") == std::string_view::npos) return std::string(text);
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
-}
-
 void PrintCsv(std::ostream& out) {
-  out << "address,type,words,name,unit,meaning\n";
+  out << "address,type,words,name,unit,access,meaning\n";
   for (const auto& row : RegisterTable()) {
     out << row.address << "," << NameOf(row.type) << "," << row.words << "," << CsvField(row.name) << ","
-        << CsvField(row.unit) << "," << CsvField(row.meaning) << "\n";
+        << CsvField(row.unit) << "," << AccessOf(row) << "," << CsvField(row.meaning) << "\n";
   }
 }
 
@@ -92,6 +90,7 @@ void PrintJson(std::ostream& out) {
                                 {"words", row.words},
                                 {"name", row.name},
                                 {"unit", row.unit},
+                                {"access", AccessOf(row)},
                                 {"meaning", row.meaning}});
   }
   map["status_bits"] = bits(StatusBitTable());
@@ -111,10 +110,10 @@ void PrintJson(std::ostream& out) {
 }
 
 void PrintMarkdown(std::ostream& out) {
-  out << "| addr | type | name | unit | meaning |\n| ---: | --- | --- | --- | --- |\n";
+  out << "| addr | type | name | unit | | meaning |\n| ---: | --- | --- | --- | --- | --- |\n";
   for (const auto& row : RegisterTable()) {
     out << "| " << row.address << " | " << TypeOf(row) << " | `" << row.name << "` | " << row.unit << " | "
-        << row.meaning << " |\n";
+        << AccessOf(row) << " | " << row.meaning << " |\n";
   }
   const auto bits = [&](std::string_view title, const auto& table) {
     out << "\n" << title << "\n\n| bit | name | when on |\n| ---: | --- | --- |\n";
@@ -137,7 +136,12 @@ void PrintMarkdown(std::ostream& out) {
 
 }  // namespace
 
-int RunRegisters(std::string_view format, std::ostream& out, std::ostream& err) {
+const std::vector<std::string>& RegisterFormats() {
+  static const std::vector<std::string> formats{"text", "csv", "json", "markdown", "telegraf", "node-red", "ignition"};
+  return formats;
+}
+
+int RunRegisters(std::string_view format, std::ostream& out, std::ostream& err, int unit) {
   if (format == "text") {
     PrintText(out);
   } else if (format == "csv") {
@@ -146,8 +150,16 @@ int RunRegisters(std::string_view format, std::ostream& out, std::ostream& err) 
     PrintJson(out);
   } else if (format == "markdown") {
     PrintMarkdown(out);
+  } else if (format == "telegraf") {
+    PrintTelegraf(out, unit);
+  } else if (format == "node-red") {
+    PrintNodeRed(out, unit);
+  } else if (format == "ignition") {
+    PrintIgnition(out, unit);
   } else {
-    err << "registers: \"" << format << "\" is no format; text, csv, json and markdown are\n";
+    err << "registers: \"" << format << "\" is no format;";
+    for (const auto& known : RegisterFormats()) err << " " << known;
+    err << " are\n";
     return 2;
   }
   return 0;

@@ -2,12 +2,18 @@
 #pragma once
 
 #include <iosfwd>
+#include <string>
 #include <string_view>
+#include <vector>
 
 namespace granary {
 
-/// Prints the map as "text", "csv", "json" or "markdown".
+/// text, csv, json and markdown for people and programs; telegraf, node-red and ignition ready to be imported there.
+[[nodiscard]] const std::vector<std::string>& RegisterFormats();
+
+/// Prints the map in one of the formats.
+/// @param unit unit id of the bin in the forms that poll it
 /// @return 0, or 2 for another format, named on `err`
-int RunRegisters(std::string_view format, std::ostream& out, std::ostream& err);
+int RunRegisters(std::string_view format, std::ostream& out, std::ostream& err, int unit = 1);
 
 }  // namespace granary

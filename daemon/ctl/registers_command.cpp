@@ -13,13 +13,16 @@ namespace granary {
 void AddRegisters(CLI::App& app, const GlobalOptions& global, Command& chosen) {
   const auto format = std::make_shared<std::string>();
   CLI::App* command = app.add_subcommand("registers", "print the Modbus register map");
-  command->add_option("--format", *format, "text (default), csv, json or markdown")
-      ->check(CLI::IsMember({"text", "csv", "json", "markdown"}));
+  command->add_option("--format", *format, "text unless given; telegraf, node-red and ignition poll unit 1, or --bin")
+      ->check(CLI::IsMember(RegisterFormats()));
   command->callback([=, &global, &chosen] {
     chosen = [=, &global] {
       if (global.json && !format->empty() && *format != "json")
         throw UsageError("--format " + *format + ": --json prints JSON");
-      return RunRegisters(global.json ? "json" : format->empty() ? "text" : *format, std::cout, std::cerr);
+      return RunRegisters(global.json       ? "json"
+                          : format->empty() ? "text"
+                                            : *format,
+                          std::cout, std::cerr, global.bin.value_or(1));
     };
   });
 }

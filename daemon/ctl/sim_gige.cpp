@@ -134,7 +134,7 @@ int Run(const GlobalOptions& global, const Arguments& arguments) {
             << "\n  left  = { driver = \"aravis\", id = \"" << SimGige::IdOf(Side::kLeft) << "\" }"
             << "\n  right = { driver = \"aravis\", id = \"" << SimGige::IdOf(Side::kRight) << "\" }" << std::endl;
   Serve(*cameras, signals);
-  return kDone;
+  return kExitDone;
 }
 
 int Main(int argc, char** argv) {
@@ -161,16 +161,16 @@ int Main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kDone : kBadUsage;
+    return app.exit(error) == 0 ? kExitDone : kExitBadUsage;
   }
   try {
     return Run(global, arguments);
   } catch (const UsageError& error) {
     Say("granary-sim-gige: " + std::string(error.what()));
-    return kBadUsage;
+    return kExitBadUsage;
   } catch (const std::exception& error) {
     Say("granary-sim-gige: " + std::string(error.what()));
-    return kFailed;
+    return kExitFailed;
   }
 }
 

@@ -49,7 +49,7 @@ int Snapshot(const GlobalOptions& global, const SnapshotArguments& arguments) {
                {"bit_depth", pair.left.bit_depth},
                {"simulated", pair.Simulated()}});
   }
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace

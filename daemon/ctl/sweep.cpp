@@ -110,7 +110,7 @@ int Sweep(const GlobalOptions& global, const SweepArguments& arguments) {
   Say(SweepText(table));
   Save(table, arguments.folder);
   if (global.json) PrintJson(SweepJson(table));
-  return kDone;
+  return kExitDone;
 }
 
 }  // namespace
