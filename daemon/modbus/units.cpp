@@ -200,8 +200,10 @@ void ModbusUnits::LogRefusal(std::span<const std::uint8_t> request, const Reques
   if (!count) return;
   const std::size_t at = request[0] == function_code::kReadWriteRegisters ? 5 : 1;
   const std::string address = request.size() >= at + 2 ? std::to_string(WordAt(request, at)) : "none";
-  spdlog::warn("modbus: {} may not write: function {}, address {}; refused ({} since the last such line)",
-               requester.name, request[0], address, *count);
+  spdlog::warn(
+      "modbus: {} may not write (see write_allow): function {}, address {}; refused ({} since the last such "
+      "line)",
+      requester.name, request[0], address, *count);
 }
 
 void ModbusUnits::LogBookFaults(const std::vector<std::string>& faults, const Requester& requester) {

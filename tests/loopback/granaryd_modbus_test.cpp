@@ -23,6 +23,7 @@
 
 #include "daemon/control_socket.h"
 #include "daemon/modbus/socket.h"
+#include "daemon/store.h"
 #include "tests/loopback/daemon_process.h"
 #include "tests/loopback/half_size_rig.h"
 #include "tests/pipeline/temporary_folder.h"
@@ -218,6 +219,10 @@ TEST_F(GranarydModbus, KeepsTheByteOrderChosenOverAKill) {
   StartAndMeasure();
   const double volume = master_.Float(kVolume);
   EXPECT_EQ(master_.Write(kFormat, {1}), 0);
+  // It is in force at once, and on disk a moment later.
+  ASSERT_TRUE(Eventually([this] {
+    return Store(folder_ / "state", Store::Access::kRead).State(1).value_or(BinState{}).format.has_value();
+  }));
   KillAndStart();
   ASSERT_TRUE(Eventually([this] { return master_.HasStatus(kValid); }));
   const auto words = master_.Read(kVolume, 2);

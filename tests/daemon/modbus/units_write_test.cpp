@@ -63,16 +63,16 @@ TEST_F(ModbusUnitsWriteTest, RefusedWritesAreOneLogLineAMinute) {
       std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
   spdlog::default_logger()->set_pattern("%v");
   for (int i = 0; i < 3; ++i) AskAsReader(WritePdu(910, 1));
-  EXPECT_EQ(
-      log.str(),
-      "modbus: 192.168.7.99:50000 may not write: function 6, address 910; refused (1 since the last such line)\n");
+  EXPECT_EQ(log.str(),
+            "modbus: 192.168.7.99:50000 may not write (see write_allow): function 6, address 910; refused (1 since the "
+            "last such line)\n");
   steady_ += 61s;
   log.str("");
   AskAsReader({23, 0, 0, 0, 1, 3, 132, 0, 1, 2, 0, 1});
   AskAsReader({6});
-  EXPECT_EQ(
-      log.str(),
-      "modbus: 192.168.7.99:50000 may not write: function 23, address 900; refused (3 since the last such line)\n");
+  EXPECT_EQ(log.str(),
+            "modbus: 192.168.7.99:50000 may not write (see write_allow): function 23, address 900; refused (3 since "
+            "the last such line)\n");
   spdlog::set_default_logger(before);
 }
 
