@@ -34,9 +34,9 @@ nlohmann::json Ask(const GlobalOptions& global, nlohmann::json request) {
   return answer;
 }
 
-/// " of bin 3", or nothing where the daemon has but one and nobody named it.
+/// ", bin 3", or nothing where the daemon has but one and nobody named it.
 std::string OfBin(const GlobalOptions& global) {
-  return global.bin ? " of bin " + std::to_string(*global.bin) : std::string();
+  return global.bin ? ", bin " + std::to_string(*global.bin) : std::string();
 }
 
 nlohmann::json InjectRequest(const InjectArguments& arguments) {
@@ -66,11 +66,11 @@ int Inject(const GlobalOptions& global, const InjectArguments& arguments) {
   const nlohmann::json request = InjectRequest(arguments);
   const nlohmann::json answer = Ask(global, request);
   if (arguments.end) {
-    Say("the made-up figure" + OfBin(global) + " is gone, the true one is published again");
+    Say("the made-up figure is gone, the true one is published again" + OfBin(global));
   } else {
     const auto until = UtcTime(std::chrono::system_clock::now()) + std::chrono::seconds(request["seconds"].get<int>());
-    Say("a made-up figure" + OfBin(global) + " is published until " + UtcText(until) +
-        ", with the status bit simulated on; nothing of it is stored");
+    Say("a made-up figure is published until " + UtcText(until) + OfBin(global) +
+        "; its status bit simulated is on, and nothing of it is stored");
     Say("to end it before: granaryctl modbus inject --end" +
         (global.bin ? " --bin " + std::to_string(*global.bin) : std::string()));
   }
@@ -91,7 +91,10 @@ int Tell(const GlobalOptions& global, const std::string& command, const std::str
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     answer = Ask(global, {{"command", "status"}});
   }
-  if (answer.value("command", "") == command && answer.value("result", "") == "rejected")
+  if (answer.value("command", "") != command)
+    throw std::runtime_error(command + ": another client has asked for " + answer.value("command", "something else") +
+                             " meanwhile; look at granaryctl modbus poll");
+  if (answer.value("result", "") == "rejected")
     throw std::runtime_error(command + " was rejected; the daemon's log says why");
   Say(done + OfBin(global));
   if (global.json) PrintJson(answer);
