@@ -78,19 +78,28 @@ int Inject(const GlobalOptions& global, const InjectArguments& arguments) {
   return kExitDone;
 }
 
-/// Asks for a command of register 910 and waits until it is done: who inhibits a bin wants to know that it is dark.
-int Tell(const GlobalOptions& global, const std::string& command, const std::string& done) {
-  nlohmann::json answer = Ask(global, {{"command", command}});
-  if (answer.value("result", "") == "busy") Say("waiting for the cycle in progress to end");
+bool IsBusy(const nlohmann::json& state) { return state.value("result", "") == "busy"; }
+
+/// The bin's state once no command is busy. @param state as it was asked last
+nlohmann::json WaitWhileBusy(const GlobalOptions& global, nlohmann::json state) {
+  if (IsBusy(state)) Say("waiting for " + state.value("command", "a command") + OfBin(global));
   const auto give_up = std::chrono::steady_clock::now() + kPatience;
-  while (answer.value("command", "") == command && answer.value("result", "") == "busy") {
+  while (IsBusy(state)) {
     if (std::chrono::steady_clock::now() > give_up) {
-      throw std::runtime_error(command + " is still busy after " + std::to_string(kPatience.count()) +
-                               " s; look at the daemon's log");
+      throw std::runtime_error(state.value("command", "a command") + " is still busy after " +
+                               std::to_string(kPatience.count()) + " s; look at the daemon's log");
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    answer = Ask(global, {{"command", "status"}});
+    state = Ask(global, {{"command", "status"}});
   }
+  return state;
+}
+
+/// Asks for a command of register 910 once the one before is done, and waits until it is done itself: who inhibits a
+/// bin wants to know that it is dark.
+int Tell(const GlobalOptions& global, const std::string& command, const std::string& done) {
+  (void)WaitWhileBusy(global, Ask(global, {{"command", "status"}}));
+  const nlohmann::json answer = WaitWhileBusy(global, Ask(global, {{"command", command}}));
   if (answer.value("command", "") != command)
     throw std::runtime_error(command + ": another client has asked for " + answer.value("command", "something else") +
                              " meanwhile; look at granaryctl modbus poll");

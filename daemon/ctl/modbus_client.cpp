@@ -26,11 +26,12 @@ void CheckName(const HostPort& address) {
   freeaddrinfo(found);
 }
 
-std::string ReadFault(int error, int unit) {
+std::string ReadFault(int error, int unit, bool has_answered) {
   switch (error) {
     case ECONNRESET:
     case EPIPE:
-      return "the server closed the connection; is this computer's address in modbus.tcp.allow?";
+      return has_answered ? "the server closed the connection"
+                          : "the server closed the connection; is this computer's address in modbus.tcp.allow?";
     case ETIMEDOUT:
       return "the server does not answer";
     case EMBXGTAR:
@@ -80,8 +81,9 @@ std::vector<std::uint16_t> ModbusClient::Read(int first, int count) {
     if (modbus_read_registers(client_.get(), first + done, part, words.data() + done) != part) {
       throw ModbusClientError(PrintHostPort(address_) + ", unit " + std::to_string(unit_) + ", registers " +
                               std::to_string(first + done) + " to " + std::to_string(first + done + part - 1) + ": " +
-                              ReadFault(errno, unit_));
+                              ReadFault(errno, unit_, has_answered_));
     }
+    has_answered_ = true;
     done += part;
   }
   return words;

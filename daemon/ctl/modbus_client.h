@@ -43,6 +43,7 @@ class ModbusClient {
   HostPort address_;
   int unit_;
   std::unique_ptr<_modbus, Free> client_;
+  bool has_answered_ = false;
 };
 
 }  // namespace granary

@@ -81,34 +81,42 @@ TEST(ModbusInject, DaemonsRefusalIsTheError) {
 }
 
 TEST(AlarmAck, AsksToAcknowledge) {
-  const Daemon daemon(State("acknowledge", "done"));
+  const Daemon daemon(State("none", "idle"), State("acknowledge", "done"));
   const ProgramRun run = daemon.Run("alarm ack --json");
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(run.Document().value("result", ""), "done");
-  EXPECT_EQ(daemon.requests().at(0), nlohmann::json({{"command", "acknowledge"}}));
+  EXPECT_EQ(daemon.requests().at(1), nlohmann::json({{"command", "acknowledge"}}));
 }
 TEST(Inhibit, WaitsUntilTheBinRests) {
-  const Daemon daemon(State("inhibit", "busy"), State("inhibit", "busy"), State("inhibit", "done"));
+  const Daemon daemon(State("none", "idle"), State("inhibit", "busy"), State("inhibit", "busy"),
+                      State("inhibit", "done"));
   const ProgramRun run = daemon.Run("inhibit --bin 1");
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_THAT(run.err, HasSubstr("inhibited, bin 1"));
-  ASSERT_EQ(daemon.requests().size(), 3U);
-  EXPECT_EQ(daemon.requests().at(2), nlohmann::json({{"command", "status"}, {"bin", 1}}));
+  ASSERT_EQ(daemon.requests().size(), 4U);
+  EXPECT_EQ(daemon.requests().at(3), nlohmann::json({{"command", "status"}, {"bin", 1}}));
+}
+TEST(Inhibit, WaitsForTheCommandBefore) {
+  const Daemon daemon(State("measure", "busy"), State("measure", "done"), State("inhibit", "done"));
+  const ProgramRun run = daemon.Run("inhibit");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("waiting for measure"));
+  EXPECT_EQ(daemon.requests().at(2), nlohmann::json({{"command", "inhibit"}}));
 }
 TEST(Inhibit, RejectedIsAFailure) {
-  const Daemon daemon(State("inhibit", "busy"), State("inhibit", "rejected"));
+  const Daemon daemon(State("none", "idle"), State("inhibit", "busy"), State("inhibit", "rejected"));
   EXPECT_EQ(daemon.Run("inhibit").exit_code, 1);
 }
 TEST(Inhibit, AnotherCommandInBetweenIsAFailure) {
-  const Daemon daemon(State("inhibit", "busy"), State("release", "busy"));
+  const Daemon daemon(State("none", "idle"), State("inhibit", "busy"), State("release", "done"));
   const ProgramRun run = daemon.Run("inhibit --json");
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(run.Document().value("error", ""), HasSubstr("release"));
 }
 TEST(Release, AsksToRelease) {
-  const Daemon daemon(State("release", "done"));
+  const Daemon daemon(State("none", "idle"), State("release", "done"));
   EXPECT_EQ(daemon.Run("release").exit_code, 0);
-  EXPECT_EQ(daemon.requests().at(0), nlohmann::json({{"command", "release"}}));
+  EXPECT_EQ(daemon.requests().at(1), nlohmann::json({{"command", "release"}}));
 }
 
 }  // namespace
