@@ -39,10 +39,12 @@ struct Polls {
   std::vector<double> late_ms;       ///< how late the poller itself was woken: what the machine adds
   int failures = 0;                  ///< no answer within 2 s, a closed connection, a wrong answer
   int missed = 0;                    ///< polls left out because the one before was still waiting
+  bool prompt = false;               ///< the pollers had real-time priority
 };
 
 /// `clients` clients, each a thread with an address of its own, polling 125 registers every `period`. They reconnect
-/// after a failure.
+/// after a failure. They stand for other machines: where that is permitted they have real-time priority, so that what
+/// keeps this machine busy delays the server alone.
 [[nodiscard]] Polls RunPollers(std::uint16_t port, int clients, std::chrono::milliseconds period,
                                std::chrono::milliseconds duration);
 
