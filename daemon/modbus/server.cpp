@@ -24,6 +24,7 @@
 #include <sys/socket.h>
 
 #include "daemon/modbus/once_per_minute.h"
+#include "daemon/modbus/prompt_thread.h"
 #include "daemon/modbus/server_eviction.h"
 
 namespace granary {
@@ -346,7 +347,10 @@ ModbusServer::ModbusServer(FileDescriptor listener, const ModbusTcpOptions& opti
                            ModbusTally& tally, ModbusLimits limits, std::shared_ptr<const TlsContext> tls)
     : port_(BoundPort(listener.Get())),
       loop_(std::make_unique<Loop>(std::move(listener), options, units, tally, limits, std::move(tls))),
-      thread_([this](const std::stop_token& stop) { loop_->Run(stop); }) {}
+      thread_([this](const std::stop_token& stop) {
+        BePrompt("modbus");
+        loop_->Run(stop);
+      }) {}
 
 ModbusServer::~ModbusServer() = default;
 
