@@ -1,6 +1,7 @@
 // The keys of the whole installation: site, log, Modbus. And what only the whole file can tell: equal bin ids.
 #include "config/keys.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "daemon/modbus/options.h"
@@ -180,6 +181,13 @@ std::vector<std::string> WholeFaults(const Config& config) {
       faults.push_back("bin[" + std::to_string(i) + "].id: is " + std::to_string(id) + ", which is bin[" +
                        std::to_string(j) + "]'s already; must be unique, 1 to 247");
       break;
+    }
+  }
+  if (config.modbus.rtu) {
+    for (const int unit : config.modbus.rtu->units) {
+      const auto is_bin = [unit](const BinConfig& bin) { return bin.bin.id == unit; };
+      if (std::any_of(config.bins.begin(), config.bins.end(), is_bin)) continue;
+      faults.push_back("modbus.rtu.units: has " + std::to_string(unit) + ", which is no bin; must be ids of bins");
     }
   }
   if (config.modbus.plc) {

@@ -27,7 +27,10 @@ void ModbusFront::Listen(FileDescriptor tcp, FileDescriptor tls) {
 }
 
 void ModbusFront::OpenLine() {
-  if (options_.rtu) rtu_ = std::make_unique<RtuServer>(*options_.rtu, units_, tally_);
+  // A missing adapter must not keep the bins from being measured and served over TCP.
+  if (options_.rtu) {
+    rtu_ = std::make_unique<RtuServer>(*options_.rtu, units_, tally_, RtuReopening{.wait_for_port = true});
+  }
 }
 
 }  // namespace granary

@@ -34,7 +34,8 @@ class ModbusFront {
   /// Starts the TCP server, and the TLS server where one is configured.
   /// @param tcp, tls listening sockets @throws as ModbusServer does
   void Listen(FileDescriptor tcp, FileDescriptor tls);
-  /// Starts the server on the serial line, where one is configured. @throws as RtuServer does
+  /// Starts the server on the serial line, where one is configured; a port that is not there is waited for.
+  /// @throws std::invalid_argument as RtuServer does
   void OpenLine();
   /// Ends it: a serial port is held by one at a time.
   void CloseLine() { rtu_.reset(); }

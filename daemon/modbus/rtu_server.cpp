@@ -55,7 +55,13 @@ class RtuServer::Loop {
   Loop(const ModbusRtuOptions& options, ModbusUnits& units, ModbusTally& tally, RtuReopening reopening)
       : options_(options), units_(units), tally_(tally), reopening_(reopening), wake_(Wakeup()) {
     RequireBins(options_, units_);
-    Open();
+    try {
+      Open();
+    } catch (const SerialError& error) {
+      if (!reopening_.wait_for_port) throw;
+      spdlog::error("modbus: {}; trying again", error.what());
+      delay_ = reopening_.first;
+    }
   }
 
   void Run(const std::stop_token& stop) {

@@ -14,6 +14,7 @@ namespace granary {
 /// How long a port that went away is left before it is tried again: the first time, and at most.
 struct RtuReopening {
   std::chrono::milliseconds first{1000}, most{30000};
+  bool wait_for_port = false;  ///< one that cannot be opened at the start is waited for, too
 };
 
 /// Serves the units from one thread of its own, from construction to destruction. Answers the ids in `units` (all bins
@@ -22,7 +23,7 @@ struct RtuReopening {
 class RtuServer {
  public:
   /// @param units, tally borrowed
-  /// @throws std::runtime_error that names device and cause when the port cannot be opened
+  /// @throws std::runtime_error that names device and cause when the port cannot be opened and is not waited for
   /// @throws std::invalid_argument when an id in `options.units` is no bin's
   RtuServer(const ModbusRtuOptions& options, ModbusUnits& units, ModbusTally& tally, RtuReopening reopening = {});
   ~RtuServer();

@@ -301,5 +301,21 @@ TEST(LoadConfig, NamesEachMissingRigFileAtItsLine) {
   std::filesystem::remove(file);
 }
 
+TEST(ParseConfig, NamesASerialUnitThatIsNoBin) {
+  const auto text = Changed("baud = 19200", "baud = 19200\nunits = [1, 2]");
+  const auto faults = FaultsOf(text);
+  ASSERT_EQ(faults.size(), 1U) << Texts(faults);
+  EXPECT_EQ(faults[0].key, "modbus.rtu.units");
+  EXPECT_THAT(faults[0].message, HasSubstr("has 2, which is no bin"));
+  EXPECT_EQ(faults[0].line, LineOf("units = [1, 2]", text));
+}
+
+TEST(ParseConfig, NamesAFieldForThePlcThatIsNoRegister) {
+  const auto faults = FaultsOf(Changed("unit = 1\n", "unit = 1\nfields = [\"volume\", \"wolume\"]\n"));
+  ASSERT_EQ(faults.size(), 1U) << Texts(faults);
+  EXPECT_THAT(faults[0].key, HasSubstr("modbus.plc.fields"));
+  EXPECT_THAT(faults[0].message, HasSubstr("wolume"));
+}
+
 }  // namespace
 }  // namespace granary

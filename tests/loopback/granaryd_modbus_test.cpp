@@ -22,8 +22,10 @@
 #include <gtest/gtest.h>
 
 #include "daemon/control_socket.h"
+#include "daemon/modbus/rtu_frame.h"
 #include "daemon/modbus/socket.h"
 #include "daemon/store.h"
+#include "tests/daemon/modbus/rtu_line.h"
 #include "tests/loopback/daemon_process.h"
 #include "tests/loopback/half_size_rig.h"
 #include "tests/pipeline/temporary_folder.h"
@@ -325,6 +327,21 @@ TEST_F(GranarydModbus, ServesItsBinsWhileThePlcIsDead) {
   StartAndMeasure();
   EXPECT_TRUE(Eventually([&] { return master_.Word(267) + master_.Word(269) + master_.Word(271) > 0; }));
   EXPECT_TRUE(master_.HasStatus(kValid));
+}
+
+TEST_F(GranarydModbus, ServesTheSerialLine) {
+  const test::Pty line;
+  Configure("[modbus.rtu]\ndevice = \"" + line.Path() + "\"\n");
+  StartAndMeasure();
+  line.Send(RtuFrame(1, std::array<std::uint8_t, 5>{3, 0, kSequence, 0, 1}));
+  const auto sequence = static_cast<std::uint8_t>(master_.Word(kSequence));
+  EXPECT_EQ(line.Receive(7), RtuFrame(1, std::array<std::uint8_t, 4>{3, 2, 0, sequence}));
+}
+
+TEST_F(GranarydModbus, MeasuresWithoutTheSerialPortThatIsMissing) {
+  Configure("[modbus.rtu]\ndevice = \"/dev/no-such-port\"\n");
+  StartAndMeasure();
+  EXPECT_THAT(daemon_->Stdout(), HasSubstr("/dev/no-such-port"));
 }
 
 TEST_F(GranarydModbus, ChecksTheFieldsForThePlc) {

@@ -116,6 +116,15 @@ TEST(RtuServer, RefusesAUnitThatIsNoBin) {
   }
 }
 
+TEST(RtuServer, WaitsForAMissingDeviceWhenToldTo) {
+  PluggedLine plugged;
+  plugged.Unplug();
+  RtuUnits bins;
+  const RtuServer server(OptionsFor(plugged.Path()), bins.units, bins.tally, {5ms, 20ms, true});
+  plugged.Plug();
+  EXPECT_TRUE(IsAnsweredInTheEnd(plugged.Line()));
+}
+
 TEST(RtuServer, ComesBackWithItsPort) {
   PluggedLine plugged;
   RtuUnits bins;
