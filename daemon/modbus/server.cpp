@@ -84,6 +84,7 @@ class ModbusServer::Loop {
         limits_(limits),
         epoll_(Checked(epoll_create1(EPOLL_CLOEXEC), "epoll_create1")),
         wake_(Checked(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK), "eventfd")) {
+    clients_.reserve(max_clients_);  // so that adding one that is watched cannot throw
     RequireListening(listener_.Get());
     PrepareListener(listener_.Get());
     Watch(EPOLL_CTL_ADD, wake_.Get(), EPOLLIN, &wake_);
@@ -222,8 +223,11 @@ class ModbusServer::Loop {
     if (fault.empty()) return;
     if (connection.InHandshake()) {
       NoteRefused(connection, "TLS: " + fault, now);
-    } else {
-      spdlog::debug("modbus: {}: TLS: {}; closed", connection.Peer(), fault);
+      return;
+    }
+    ++tally_.malformed;
+    if (const auto count = malformed_log_.Count(now)) {
+      spdlog::warn("modbus: {}: TLS: {}; closed ({} since the last such line)", connection.Peer(), fault, *count);
     }
   }
 
@@ -273,7 +277,6 @@ class ModbusServer::Loop {
                  .host = HostOf(peer),
                  .address_may_write = AnyContains(write_allow_, peer),
                  .place = clients_.size()});
-      clients_.reserve(clients_.size() + 1);  // what could throw comes before the client is watched
       Watch(EPOLL_CTL_ADD, client->connection.Socket(), client->interest, client.get());
       spdlog::debug("modbus: {} connected", client->connection.Peer());
       sweep_at_ = std::min(sweep_at_, client->connection.Deadline(limits_));

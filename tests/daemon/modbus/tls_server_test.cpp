@@ -112,6 +112,15 @@ TEST_F(TlsServerTest, PlainModbusOnItsPortIsClosed) {
   ExpectRefused();
 }
 
+TEST_F(TlsServerTest, RubbishAfterTheHandshakeIsClosedAsMalformed) {
+  Serve();
+  TlsClient client = Client(ca_.Issue("client"));
+  EXPECT_EQ(client.Ask(kReadSequence, kSequence.size()), kSequence);
+  ASSERT_TRUE(client.Raw().Send({0x17, 3, 3, 0, 4, 1, 2, 3, 4}));  // a record that nobody encrypted
+  EXPECT_LE(client.Raw().Receive(100).size(), 30U) << "more than an alert";
+  EXPECT_EQ(served_->Counters().malformed, 1U);
+}
+
 TEST_F(TlsServerTest, HalfAHandshakeAndSilenceIsClosedAtTheDeadline) {
   Serve({.handshake_deadline = 50ms});
   test::RawClient client(served_->Port());
