@@ -50,6 +50,7 @@ void Throughput(int connections, int outstanding, int rounds, milliseconds durat
     std::vector<double> rate, server_us, server_busy, client_busy;
   };
   std::vector<Row> rows(rivals.size());
+  bool prompt = false;
   for (int round = 0; round < rounds; ++round) {
     for (std::size_t i = 0; i < rivals.size(); ++i) {
       const ServerProcess server(rivals[i], pinned ? 0 : -1);
@@ -59,6 +60,7 @@ void Throughput(int connections, int outstanding, int rounds, milliseconds durat
       std::thread([&] {
         try {
           if (pinned) PinTo(1);
+          prompt = GoFirst();
           flow = RunFlow(server, connections, outstanding, duration);
         } catch (...) {
           fault = std::current_exception();
@@ -72,6 +74,8 @@ void Throughput(int connections, int outstanding, int rounds, milliseconds durat
       rows[i].client_busy.push_back(100 * flow.client_cpu_seconds / flow.seconds);
     }
   }
+  std::printf("%s\n", prompt ? "All of them with real-time priority, so that nothing else takes their cores."
+                             : "No real-time priority: what else runs on this machine takes part.");
   std::printf("%-10s %28s %26s %12s %12s\n", "server", "requests/s (min–max)", "server µs/request", "server busy",
               "client busy");
   for (std::size_t i = 0; i < rivals.size(); ++i) {

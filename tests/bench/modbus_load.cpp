@@ -15,7 +15,6 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 
@@ -40,12 +39,6 @@ double ProcessCpuSeconds() {
 bool IsReply(const std::uint8_t* bytes) {
   return bytes[2] == 0 && bytes[3] == 0 && bytes[4] == 0 && bytes[5] == kReplyBytes - 6 && bytes[7] == 3 &&
          bytes[8] == 2 * kRegisters;
-}
-
-/// Real-time priority for this thread, where that is permitted.
-bool GoFirst() {
-  const sched_param first{.sched_priority = 1};
-  return sched_setscheduler(0, SCHED_FIFO, &first) == 0;
 }
 
 void PollUntil(std::uint16_t port, const std::string& from, std::chrono::milliseconds period, Steady::time_point start,

@@ -159,6 +159,11 @@ void PinTo(int core) {
   Checked(sched_setaffinity(0, sizeof cores, &cores), "sched_setaffinity");
 }
 
+bool GoFirst() {
+  const sched_param first{.sched_priority = 1};
+  return sched_setscheduler(0, SCHED_FIFO, &first) == 0;
+}
+
 void DieWithParent() { prctl(PR_SET_PDEATHSIG, SIGKILL); }
 
 ServerProcess::ServerProcess(Rival rival, int core, int spinners, int max_clients) {
@@ -171,7 +176,10 @@ ServerProcess::ServerProcess(Rival rival, int core, int spinners, int max_client
   if (pid_ == 0) {
     try {
       DieWithParent();
-      if (core >= 0) PinTo(core);
+      if (core >= 0) {
+        PinTo(core);
+        GoFirst();
+      }
       for (int i = 0; i < spinners; ++i) std::thread(Spin).detach();
       if (rival == Rival::kOurs) ServeOurs(to.Get(), max_clients);
       if (rival == Rival::kLibmodbus) ServeLibmodbus(to.Get());

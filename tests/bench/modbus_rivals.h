@@ -21,7 +21,8 @@ inline constexpr int kMaxClients = 128;
 /// Killed at the end. To be started by a process of one thread.
 class ServerProcess {
  public:
-  /// @param core the one that it runs on; negative: any
+  /// @param core the one that it runs on, with real-time priority where that is permitted, whatever the rival;
+  ///   negative: any, with what priority the rival asks for itself
   /// @param spinners threads of normal priority that keep cores busy beside the server, as the pipeline does
   /// @param max_clients of our server
   /// @throws std::system_error, std::runtime_error when it does not start
@@ -42,8 +43,10 @@ class ServerProcess {
   std::uint16_t port_ = 0;
 };
 
-/// Binds the calling process to one core. @throws std::system_error
+/// Binds the calling thread, and those that it starts, to one core. @throws std::system_error
 void PinTo(int core);
+/// Real-time priority for the calling thread and those that it starts. @return false where that is not permitted
+bool GoFirst();
 /// Ends the calling process when its parent does.
 void DieWithParent();
 

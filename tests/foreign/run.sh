@@ -168,7 +168,7 @@ for client in "${clients[@]}"; do
   has "$client" || { echo "$client is not installed: left out" && continue; }
   case $client in
     mbpoll)
-      mbpoll -V | head -n 1
+      echo "mbpoll $(dpkg-query -W -f='${Version}' mbpoll 2>/dev/null || mbpoll -V)"
       show mbpoll -m tcp -a 1 -p "$port" -0 -1 -B -t 4:float -r 10 -c 1 127.0.0.1 | grep -E '^(\$|\[)'
       echo "\$ mbpoll … -0 -1 -t 4:float -r 2210 …   # low word first, from the mirror"
       {
