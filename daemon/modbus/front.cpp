@@ -13,9 +13,8 @@ ModbusFront::ModbusFront(const ModbusOptions& options, ModbusIdentity identity, 
 }
 
 std::vector<Publisher*> ModbusFront::Publishers() {
-  std::vector<Publisher*> publishers{&units_};
-  if (plc_) publishers.push_back(plc_.get());
-  return publishers;
+  if (!plc_) return {&units_};
+  return {&units_, plc_.get()};
 }
 
 void ModbusFront::Listen(FileDescriptor tcp, FileDescriptor tls) {
