@@ -18,6 +18,7 @@
 #include <time.h>
 
 #include "daemon/fault_log.h"
+#include "daemon/modbus/prompt_thread.h"
 #include "daemon/modbus/rtu_framing.h"
 #include "daemon/modbus/serial_port.h"
 
@@ -189,7 +190,10 @@ class RtuServer::Loop {
 
 RtuServer::RtuServer(const ModbusRtuOptions& options, ModbusUnits& units, ModbusTally& tally, RtuReopening reopening)
     : loop_(std::make_unique<Loop>(options, units, tally, reopening)),
-      thread_([this](const std::stop_token& stop) { loop_->Run(stop); }) {}
+      thread_([this](const std::stop_token& stop) {
+        BePrompt("modbus-rtu");
+        loop_->Run(stop);
+      }) {}
 
 RtuServer::~RtuServer() = default;
 
