@@ -33,11 +33,6 @@ sigset_t OurSignals() {
   return set;
 }
 
-FileDescriptor Checked(int descriptor, const char* operation) {
-  if (descriptor < 0) throw std::system_error(errno, std::generic_category(), operation);
-  return FileDescriptor(descriptor);
-}
-
 /// Hands what clients ask to the bin they mean.
 class BinSwitchboard : public BinControl {
  public:

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "daemon/modbus/status.h"
+#include "daemon/modbus/word_order.h"
 
 namespace granary {
 namespace {
@@ -20,18 +21,6 @@ constexpr RegisterBlock kBlocks[] = {{"summary", 0, 99},     {"5708", 100, 199},
                                      {"identity", 300, 349}, {"settings", 900, 999}, {"integers", 3000, 3999}};
 constexpr int kByteOrderAddress = 900;  ///< followed by the invalid policy
 constexpr double kInvalidFigure = -9999;
-
-std::uint16_t Swapped(std::uint16_t word) { return static_cast<std::uint16_t>((word << 8) | (word >> 8)); }
-
-std::uint32_t Put32Together(std::span<const std::uint16_t> words, ByteOrder order) {
-  std::uint16_t high = words[0], low = words[1];
-  if (order == ByteOrder::kDcba || order == ByteOrder::kBadc) {
-    high = Swapped(high);
-    low = Swapped(low);
-  }
-  if (order == ByteOrder::kCdab || order == ByteOrder::kDcba) std::swap(high, low);
-  return (std::uint32_t{high} << 16) | low;
-}
 
 /// 1.4276 instead of 1.4275999069213867: more digits than a float has would claim more than was sent.
 double ShortestDecimal(float value) {
@@ -98,17 +87,17 @@ ReadValue Decode(const RegisterRow& row, std::span<const std::uint16_t> words, c
       if (IsUnknownTime(row, words[0])) return {};
       return std::int64_t{words[0]};
     case RegisterType::kU32: {
-      const std::uint32_t value = Put32Together(words, order);
+      const std::uint32_t value = Take32(words, order);
       if (IsUnknownTime(row, value)) return {};
       return std::int64_t{value};
     }
     case RegisterType::kI32: {
-      const auto value = static_cast<std::int32_t>(Put32Together(words, order));
+      const auto value = static_cast<std::int32_t>(Take32(words, order));
       if (value == kUnknownI32 || (row.figure && marked && value == kInvalidFigure)) return {};
       return std::int64_t{value};
     }
     case RegisterType::kF32: {
-      const auto value = std::bit_cast<float>(Put32Together(words, order));
+      const auto value = std::bit_cast<float>(Take32(words, order));
       if (!std::isfinite(value) || (row.figure && marked && value == kInvalidFigure)) return {};
       return ShortestDecimal(value);
     }

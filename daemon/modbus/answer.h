@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "daemon/modbus/framing.h"
 #include "daemon/modbus/registers.h"
 #include "pipeline/types/bin.h"
 
@@ -36,11 +37,6 @@ inline constexpr std::uint8_t kEncapsulated = 43;
 }  // namespace function_code
 
 using Pdu = std::vector<std::uint8_t>;
-
-/// The big-endian 16 bits that begin at `index`.
-[[nodiscard]] constexpr std::uint16_t WordAt(std::span<const std::uint8_t> bytes, std::size_t index) {
-  return static_cast<std::uint16_t>((bytes[index] << 8) | bytes[index + 1]);
-}
 
 /// The reply that refuses a request.
 [[nodiscard]] Pdu ExceptionPdu(std::uint8_t function, ModbusException code);

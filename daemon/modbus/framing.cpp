@@ -7,10 +7,6 @@
 namespace granary {
 namespace {
 
-std::uint16_t WordAt(std::span<const std::uint8_t> bytes, std::size_t index) {
-  return static_cast<std::uint16_t>((bytes[index] << 8) | bytes[index + 1]);
-}
-
 void AppendWord(std::uint16_t word, std::vector<std::uint8_t>& bytes) {
   bytes.push_back(static_cast<std::uint8_t>(word >> 8));
   bytes.push_back(static_cast<std::uint8_t>(word));

@@ -13,6 +13,11 @@ inline constexpr std::size_t kMbapBytes = 7;  ///< transaction, protocol, length
 inline constexpr std::size_t kMaxPduBytes = 253;
 inline constexpr std::size_t kMaxFrameBytes = kMbapBytes + kMaxPduBytes;
 
+/// The big-endian 16 bits that begin at `index`.
+[[nodiscard]] constexpr std::uint16_t WordAt(std::span<const std::uint8_t> bytes, std::size_t index) {
+  return static_cast<std::uint16_t>((bytes[index] << 8) | bytes[index + 1]);
+}
+
 enum class FrameState : std::uint8_t { kIncomplete, kComplete, kMalformed };
 
 /// The first frame of a stream. `pdu` borrows from the bytes it was parsed from.

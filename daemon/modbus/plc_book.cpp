@@ -8,22 +8,12 @@
 #include <optional>
 #include <stdexcept>
 
+#include "daemon/modbus/word_order.h"
+
 namespace granary {
 namespace {
 
 constexpr double kKgPerTonne = 1000;
-
-std::uint16_t SwapBytes(std::uint16_t word) { return static_cast<std::uint16_t>((word << 8) | (word >> 8)); }
-
-float DecodeFloat(std::uint16_t first, std::uint16_t second, ByteOrder order) {
-  if (order == ByteOrder::kDcba || order == ByteOrder::kBadc) {
-    first = SwapBytes(first);
-    second = SwapBytes(second);
-  }
-  const bool low_first = order == ByteOrder::kCdab || order == ByteOrder::kDcba;
-  const std::uint32_t high = low_first ? second : first, low = low_first ? first : second;
-  return std::bit_cast<float>((high << 16) | low);
-}
 
 bool IsUnset(float value) { return value == 0 || std::isnan(value); }
 
@@ -38,7 +28,7 @@ bool SameButForRounding(double read, const std::optional<double>& in_force) {
 
 PlcBook DecodePlcBook(std::span<const std::uint16_t> words, ByteOrder order) {
   if (words.size() != kPlcBookWords) throw std::invalid_argument("the book data of a bin are 4 registers");
-  return {DecodeFloat(words[0], words[1], order), DecodeFloat(words[2], words[3], order)};
+  return {std::bit_cast<float>(Take32(words.first(2), order)), std::bit_cast<float>(Take32(words.last(2), order))};
 }
 
 PlcBookVerdict JudgePlcBook(const PlcBook& read, const Inventory& in_force) {

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "daemon/modbus/status.h"
+#include "daemon/modbus/word_order.h"
 
 namespace granary {
 namespace {
@@ -27,17 +28,6 @@ double Shown(double value, const RegisterRow& row, const BinSnapshot& snapshot, 
       return current && !std::isnan(value) ? value : kNotCurrent;
   }
   throw std::logic_error("invalid policy is not in the list");
-}
-
-std::uint16_t SwapBytes(std::uint16_t word) { return static_cast<std::uint16_t>((word << 8) | (word >> 8)); }
-
-void Put32(std::uint32_t value, ByteOrder order, std::span<std::uint16_t> words) {
-  const auto high = static_cast<std::uint16_t>(value >> 16), low = static_cast<std::uint16_t>(value);
-  const bool low_first = order == ByteOrder::kCdab || order == ByteOrder::kDcba;
-  const bool swap_bytes = order == ByteOrder::kDcba || order == ByteOrder::kBadc;
-  words[0] = low_first ? low : high;
-  words[1] = low_first ? high : low;
-  if (swap_bytes) std::transform(words.begin(), words.end(), words.begin(), SwapBytes);
 }
 
 /// Out of range is unknown: a number that wrapped round would be believed.

@@ -34,12 +34,6 @@ bool MayBeSentToAll(std::uint8_t function) {
   return std::find(kWrites.begin(), kWrites.end(), function) != kWrites.end();
 }
 
-FileDescriptor Wakeup() {
-  FileDescriptor wake(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-  if (wake.Get() < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
-  return wake;
-}
-
 void RequireBins(const ModbusRtuOptions& options, const ModbusUnits& units) {
   for (const int unit : options.units) {
     if (unit < 1 || unit > kLastAddress || !units.Serves(static_cast<std::uint8_t>(unit))) {
@@ -54,7 +48,11 @@ void RequireBins(const ModbusRtuOptions& options, const ModbusUnits& units) {
 class RtuServer::Loop {
  public:
   Loop(const ModbusRtuOptions& options, ModbusUnits& units, ModbusTally& tally, RtuReopening reopening)
-      : options_(options), units_(units), tally_(tally), reopening_(reopening), wake_(Wakeup()) {
+      : options_(options),
+        units_(units),
+        tally_(tally),
+        reopening_(reopening),
+        wake_(Checked(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK), "eventfd")) {
     RequireBins(options_, units_);
     try {
       Open();
@@ -189,8 +187,7 @@ class RtuServer::Loop {
 };
 
 RtuServer::RtuServer(const ModbusRtuOptions& options, ModbusUnits& units, ModbusTally& tally, RtuReopening reopening)
-    : loop_(std::make_unique<Loop>(options, units, tally, reopening)),
-      thread_([this](const std::stop_token& stop) {
+    : loop_(std::make_unique<Loop>(options, units, tally, reopening)), thread_([this](const std::stop_token& stop) {
         BePrompt("modbus-rtu");
         loop_->Run(stop);
       }) {}

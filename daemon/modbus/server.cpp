@@ -61,11 +61,6 @@ void RequireListening(int socket) {
   }
 }
 
-FileDescriptor Checked(int fd, const char* call) {
-  if (fd < 0) throw std::system_error(errno, std::generic_category(), call);
-  return FileDescriptor(fd);
-}
-
 }  // namespace
 
 /// What the server's thread owns.

@@ -59,6 +59,11 @@ sockaddr_storage ResolveListener(const std::string& host, std::uint16_t port) {
   return address;
 }
 
+FileDescriptor Checked(int fd, const char* call) {
+  if (fd < 0) throw std::system_error(errno, std::generic_category(), call);
+  return FileDescriptor(fd);
+}
+
 FileDescriptor ListenTcp(const std::string& host, std::uint16_t port) {
   const sockaddr_storage address = ResolveListener(host, port);
   const auto fail = [&] { return CannotListen(host, port, CauseOf(errno, port)); };

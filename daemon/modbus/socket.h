@@ -30,6 +30,9 @@ class FileDescriptor {
   int fd_ = -1;
 };
 
+/// Takes what `call` returned. @throws std::system_error with errno, naming the call, when it is no descriptor
+[[nodiscard]] FileDescriptor Checked(int fd, const char* call);
+
 /// Binds and listens. May block while a host name is looked up.
 /// @param host name or address, an IPv6 one without brackets; "::" takes IPv4 too
 /// @param port 0 takes a free one
