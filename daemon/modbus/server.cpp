@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -198,11 +199,7 @@ class ModbusServer::Loop {
       const ModbusFrame frame = connection.Next();
       if (frame.state == FrameState::kIncomplete) return true;
       if (frame.state == FrameState::kMalformed) {
-        ++tally_.malformed;
-        if (const auto count = malformed_log_.Count(now)) {
-          spdlog::warn("modbus: {}: malformed frame, {}; closed ({} since the last such line)", connection.Peer(),
-                       frame.fault, *count);
-        }
+        NoteMalformed(connection, "malformed frame, ", frame.fault, now);
         return false;
       }
       // Counted first, so that a request that reads the counter finds itself in it.
@@ -218,11 +215,15 @@ class ModbusServer::Loop {
     if (fault.empty()) return;
     if (connection.InHandshake()) {
       NoteRefused(connection, "TLS: " + fault, now);
-      return;
+    } else {
+      NoteMalformed(connection, "TLS: ", fault, now);
     }
+  }
+
+  void NoteMalformed(const Connection& connection, std::string_view what, std::string_view fault, SteadyTime now) {
     ++tally_.malformed;
     if (const auto count = malformed_log_.Count(now)) {
-      spdlog::warn("modbus: {}: TLS: {}; closed ({} since the last such line)", connection.Peer(), fault, *count);
+      spdlog::warn("modbus: {}: {}{}; closed ({} since the last such line)", connection.Peer(), what, fault, *count);
     }
   }
 

@@ -25,11 +25,10 @@ namespace {
 using namespace std::chrono_literals;
 using test::Bytes;
 using test::Connect;
+using test::kReadSequence;
+using test::kSequence;
 using test::RawClient;
 using test::ReadOne;
-
-const Bytes kReadSequence{0, 9, 0, 0, 0, 6, 3, 3, 0, 5, 0, 1};
-const Bytes kSequence{0, 9, 0, 0, 0, 5, 3, 3, 2, 0, 17};
 
 std::vector<int> OpenDescriptors() {
   std::vector<int> open;
